@@ -83,6 +83,17 @@ pub enum Node<'e> {
     Binary(BinaryFunction, Expr<'e>, Expr<'e>),
 }
 
+impl Node<'_> {
+    /// Whether it has a kink or a jump, whatever its arguments are.
+    pub fn is_nonsmooth(&self) -> bool {
+        match self {
+            Node::Unary(function, _) => function.is_nonsmooth(),
+            Node::Binary(function, ..) => function.is_nonsmooth(),
+            _ => false,
+        }
+    }
+}
+
 impl Var {
     /// The position in the order of creation.
     pub fn index(self) -> usize {

@@ -224,24 +224,34 @@ fn unique(problem: &mut Problem, solution: &Solution, options: &Options) -> Vec<
     constraints.collect()
 }
 
-/// The terms of the objective at a point.
+/// The terms of the objective at a point, and what soft constraints add to it.
 fn terms(problem: &Problem, w: &[f64]) -> Vec<Term> {
-    let texts = problem.task.cost.terms.iter().map(|term| &term.text);
-    let terms = texts.zip(&problem.mpcc.terms);
+    let (task, stated) = (&problem.task, &problem.mpcc.stated);
     let value = |blocks: &[Block]| problem.mpcc.sum(blocks, w).expect("kernels are smooth");
-    let terms = terms.map(|(text, blocks)| Term {
-        text: text.clone(),
-        value: value(blocks),
+    let penalty = |row: usize| {
+        let block = stated[row].slack.as_ref()?.penalty;
+        Some(value(&problem.mpcc.blocks[block..=block]))
+    };
+    let written = task.cost.terms.iter().zip(&problem.mpcc.terms);
+    let written = written.map(|(term, blocks)| {
+        let soft = term.soft.iter();
+        let soft = soft.filter_map(|&(row, share)| Some(share * penalty(row)?));
+        Term {
+            text: term.text.clone(),
+            value: value(blocks) + soft.sum::<f64>(),
+        }
     });
-    let rows = problem.task.rows.iter().zip(&problem.mpcc.stated);
-    let penalties = rows.filter_map(|(row, stated)| {
-        let penalty = stated.slack.as_ref()?.penalty;
+    let of_terms = task.cost.terms.iter().flat_map(|term| &term.soft);
+    let of_terms: Vec<usize> = of_terms.map(|(row, _)| *row).collect();
+    let rows = task.rows.iter().enumerate();
+    let others = rows.filter(|(number, _)| !of_terms.contains(number));
+    let others = others.filter_map(|(number, row)| {
         Some(Term {
-            text: format!("soft {} at {}", row.name, row.at.as_str()),
-            value: value(&problem.mpcc.blocks[penalty..=penalty]),
+            text: format!("soft {row}"),
+            value: penalty(number)?,
         })
     });
-    terms.chain(penalties).collect()
+    written.chain(others).collect()
 }
 
 /// The bounds of the experiment, then those that are declared.

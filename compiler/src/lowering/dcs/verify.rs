@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use crate::expr::{Expr, Node, Var, rewrite_all, variables_of};
+use crate::expr::{Expr, Var, rewrite_all, variables_of};
 
 use super::Dcs;
 
@@ -88,12 +88,7 @@ impl<'e> Dcs<'e> {
     fn verify_smooth(&self) -> Result<(), String> {
         let mut nonsmooth = None;
         rewrite_all(&self.exprs(), &mut |e| {
-            let kink = match e.node() {
-                Node::Unary(function, _) => function.is_nonsmooth(),
-                Node::Binary(function, ..) => function.is_nonsmooth(),
-                _ => false,
-            };
-            if kink {
+            if e.node().is_nonsmooth() {
                 nonsmooth.get_or_insert(e);
             }
             e

@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 
 use super::{Block, Kind, Mpcc, n_places};
-use crate::expr::{Node, Var, rewrite_all, variables_of};
+use crate::expr::{Var, rewrite_all, variables_of};
 
 impl Mpcc<'_> {
     /// Checks the invariants in the documentation of [`super`]; the error says which one is broken.
@@ -70,12 +70,7 @@ impl Block<'_> {
 
         let mut nonsmooth = None;
         rewrite_all(&kernel.outputs, &mut |e| {
-            let kink = match e.node() {
-                Node::Unary(function, _) => function.is_nonsmooth(),
-                Node::Binary(function, ..) => function.is_nonsmooth(),
-                _ => false,
-            };
-            if kink {
+            if e.node().is_nonsmooth() {
                 nonsmooth.get_or_insert(e);
             }
             e

@@ -276,12 +276,7 @@ fn smooth<'e>(
 ) -> Result<(), Reported> {
     let mut bent = false;
     rewrite(e, &mut |node| {
-        let is_nonsmooth = match node.node() {
-            Node::Unary(function, _) => function.is_nonsmooth(),
-            Node::Binary(function, ..) => function.is_nonsmooth(),
-            _ => false,
-        };
-        bent |= is_nonsmooth && vars.iter().any(|&var| node.depends_on(var));
+        bent |= node.node().is_nonsmooth() && vars.iter().any(|&var| node.depends_on(var));
         node
     });
     match bent {

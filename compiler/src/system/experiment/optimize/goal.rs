@@ -226,6 +226,7 @@ impl<'e> Reader<'_, 'e> {
             Some(Term {
                 text,
                 value: value.as_scalar()?,
+                soft: Vec::new(),
             })
         };
         summands(value).into_iter().filter_map(term).collect()

@@ -8,6 +8,7 @@ mod closed_loop;
 mod fit;
 mod free;
 mod goal;
+mod kinks;
 mod rows;
 mod settings;
 mod start;
@@ -19,6 +20,8 @@ pub(crate) use fit::{LOSSES, not_for_fit};
 pub(crate) use settings::{Draft, INSTANTS, OPTIONS, PATHS, RELAXATIONS, SHAPES, STEERINGS};
 pub use settings::{OPTIMIZER, relaxation_word, steering_word};
 pub(crate) use start::{LARGEST_SEED, one_argument};
+
+use std::fmt;
 
 use nsd_solver::integrate::tableau::Family;
 use nsd_solver::optimization::mpcc::{Relaxation, Steering};
@@ -124,8 +127,10 @@ pub struct Cost<'e> {
 pub struct Term<'e> {
     /// As it is written, with its sign.
     pub text: String,
-    /// The same as an expression.
+    /// The same as an expression, without what is soft constraints.
     pub value: Expr<'e>,
+    /// The rows whose penalties are in it besides, with its shares of them.
+    pub soft: Vec<(usize, f64)>,
 }
 
 impl<'e> Cost<'e> {
@@ -251,6 +256,20 @@ pub struct Row<'e> {
     pub holds: Holds<'e>,
     /// The row.
     pub span: Span,
+}
+
+/// `x[1] <= 2 at nodes`
+impl fmt::Display for Row<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (name, lower, upper) = (&self.name, self.lower, self.upper);
+        match (lower.is_finite(), upper.is_finite()) {
+            _ if lower == upper => write!(f, "{name} = {lower}")?,
+            (true, true) => write!(f, "{lower} <= {name} <= {upper}")?,
+            (true, false) => write!(f, "{name} >= {lower}")?,
+            _ => write!(f, "{name} <= {upper}")?,
+        }
+        write!(f, " at {}", self.at.as_str())
+    }
 }
 
 /// When a constraint holds.

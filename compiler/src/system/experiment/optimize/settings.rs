@@ -10,6 +10,7 @@ use super::super::method::MethodKind;
 use super::super::reader::{Reader, out_of_range, unknown_choice};
 use super::free::freed;
 use super::goal::Words;
+use super::kinks;
 use super::rows::Constraint;
 use super::{
     At, Cost, Discretization, Freed, Lengths, MpccOptions, Norm, Optimize, Penalty, Shape, Starts,
@@ -395,7 +396,7 @@ impl<'m, 'e> Draft<'m, 'e> {
             },
             horizon: self.horizon,
             integrals: self.words.into_integrals(),
-            cost: cost?,
+            cost: kinks::soften(&cost?, &mut rows),
             rows,
             tied,
             params: self.params,
