@@ -38,7 +38,10 @@ fn size(intervals: usize, horizon: &str) -> Size {
             .expect("kernels are smooth");
         // One iteration factors once.
         let options = Options {
-            max_iterations: 1,
+            iterations: mpcc::Iterations {
+                run: 1,
+                ..mpcc::Iterations::default()
+            },
             max_restarts: 0,
             ..Options::default()
         };

@@ -233,7 +233,7 @@ impl<'e> Prepared<'e> {
             let begin = self.problem.begin(Start::Variables(&w), limit);
             let mut begin = begin.ok_or(SolveError::Foreign)?;
             begin.options.trust = Trust::Alone;
-            begin.options.max_iterations = NEAR;
+            begin.options.iterations.run = NEAR;
             let near_by: Found = found(&mut self.problem, &begin, watch);
             iterations += near_by.0.stats.iterations;
             let is_there = near_by.1.is_none();

@@ -8,7 +8,9 @@ mod refined;
 pub(crate) mod shift;
 pub(crate) mod transfer;
 use nsd_solver::optimization::mpcc;
-use nsd_solver::optimization::mpcc::{Form, Homotopy, MultiStart, Options, Solution, Trust};
+use nsd_solver::optimization::mpcc::{
+    Coupling, Form, Homotopy, Iterations, MultiStart, Options, Solution, Trust,
+};
 use nsd_solver::optimization::problem::Nlp;
 
 use super::{Point, Problem, Progress, Sampled};
@@ -131,13 +133,21 @@ fn options(problem: &Problem, reference: bool, starts: Option<Starts>, limit: &L
         steering: chosen.steering,
         ..Form::default()
     };
+    let coupling = Coupling::default();
     let homotopy = match chosen.is_sequential {
         true => Homotopy::Sequential {
-            start: 1.0,
+            start: chosen.sigma.unwrap_or(1.0),
             factor: 0.1,
             stop: 1e-8,
         },
-        false => Options::default().homotopy,
+        false => {
+            let sigma = chosen.sigma.unwrap_or(coupling.largest);
+            Homotopy::Coupled(Coupling {
+                factor: sigma,
+                largest: sigma,
+                ..coupling
+            })
+        }
     };
     let [effort, patience] = match starts {
         // Other ways would be cheaper in modes that the model is not in.
@@ -150,6 +160,11 @@ fn options(problem: &Problem, reference: bool, starts: Option<Starts>, limit: &L
         patience,
         form,
         homotopy,
+        tolerance: chosen.tolerance,
+        iterations: Iterations {
+            all: chosen.max_iterations.unwrap_or(usize::MAX),
+            ..Iterations::default()
+        },
         certificate: mpcc::Tolerances {
             sizes: Some(problem.sizes.clone()),
             ..mpcc::Tolerances::default()

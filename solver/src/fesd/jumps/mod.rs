@@ -109,7 +109,10 @@ impl Stepper {
             effort: 0,
             feasibility: FEASIBLE,
             max_restarts: MOST_WAYS,
-            max_iterations: MOST_ITERATIONS,
+            iterations: mpcc::Iterations {
+                run: MOST_ITERATIONS,
+                ..mpcc::Iterations::default()
+            },
             limit: limit.clone(),
             analyses: self.analyses.clone(),
             ..Options::default()

@@ -46,7 +46,7 @@ pub use certificate::{Residuals, Tolerances};
 pub use lift::Lifted;
 pub use multistart::{MultiStart, Spread, deviate, multistart, perturbed};
 pub use observer::{Observer, Program};
-pub use options::{Homotopy, Options, Trust};
+pub use options::{Homotopy, Iterations, Options, Trust};
 pub use relaxed::{Coupling, Form, Relaxed};
 pub use solution::{Multipliers, Solution, Stats, Status};
 

@@ -33,6 +33,24 @@ pub enum Trust {
     Alone,
 }
 
+/// The largest numbers of iterations.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Iterations {
+    /// Of one interior-point run.
+    pub run: usize,
+    /// Of all of them.
+    pub all: usize,
+}
+
+impl Default for Iterations {
+    fn default() -> Self {
+        Iterations {
+            run: 3000,
+            all: usize::MAX,
+        }
+    }
+}
+
 /// Settings of [`solve`](super::solve).
 #[derive(Clone, Debug)]
 pub struct Options {
@@ -55,8 +73,8 @@ pub struct Options {
     pub effort: usize,
     /// As long as they are fewer than this, counted likewise, a feasible point that is not stationary is not enough.
     pub patience: usize,
-    /// The largest number of iterations of one interior-point run.
-    pub max_iterations: usize,
+    /// How many iterations it may take.
+    pub iterations: Iterations,
     /// When it ends.
     pub limit: Limit,
     /// Symbolic factorizations that are known, and those that are made.
@@ -75,7 +93,7 @@ impl Default for Options {
             max_restarts: 5,
             effort: 100_000,
             patience: 100_000,
-            max_iterations: 3000,
+            iterations: Iterations::default(),
             limit: Limit::default(),
             analyses: Analyses::default(),
         }

@@ -87,10 +87,13 @@ impl<'o> Work<'o> {
         start: Option<&ipm::Point>,
         inner: &mut dyn ipm::Observer,
     ) -> ipm::Solution {
+        let allowed = self.options.iterations;
         let settings = ipm::Options {
             limit: self.options.limit.clone(),
             analyses: self.options.analyses.clone(),
-            max_iterations: self.options.max_iterations.min(settings.max_iterations),
+            max_iterations: (allowed.run)
+                .min(allowed.all.saturating_sub(self.stats.iterations))
+                .min(settings.max_iterations),
             ..settings
         };
         self.observer.program(&program);

@@ -113,8 +113,12 @@ impl<'s, 'e> Soft<'s, 'e> {
         let off = signs.iter().zip(&s);
         let off = exprs.sum(off.map(|(&sign, &s)| f64::from(sign) * s));
         let row = mpcc.blocks.len();
+        let written = TaskRow {
+            value: self.row.value - off,
+            ..self.row.clone()
+        };
         mpcc.blocks
-            .push(stated(block.clone(), &[value - off], self.row));
+            .push(stated(block.clone(), &[value - off], &written));
         let missed = match norm {
             Norm::L1 => exprs.sum(s),
             Norm::Squared => s[0].powi(2),

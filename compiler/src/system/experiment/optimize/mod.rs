@@ -357,6 +357,12 @@ pub struct MpccOptions {
     pub steering: Steering,
     /// Whether it follows the barrier parameter of one run, or falls from run to run.
     pub is_sequential: bool,
+    /// Its first value, where that is given.
+    pub sigma: Option<f64>,
+    /// What the optimality error of a solution has to reach.
+    pub tolerance: f64,
+    /// The largest number of iterations of all runs from one start.
+    pub max_iterations: Option<usize>,
 }
 
 impl Default for MpccOptions {
@@ -367,6 +373,9 @@ impl Default for MpccOptions {
             relaxation: Relaxation::Scholtes,
             steering: Steering::Direct,
             is_sequential: false,
+            sigma: None,
+            tolerance: 1e-12,
+            max_iterations: None,
         }
     }
 }

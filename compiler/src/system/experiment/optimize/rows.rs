@@ -23,7 +23,7 @@ impl<'e> Reader<'_, 'e> {
         for constraint in constraints {
             let (first, comparison) = (rows.len(), &constraint.comparison);
             if comparison.relations.contains(&Relation::Perp) {
-                rows.extend(self.pair(constraint));
+                rows.extend(pair(self, constraint));
                 continue;
             }
             let pairs = comparison.members.windows(2).zip(&comparison.relations);
@@ -100,25 +100,26 @@ impl<'e> Reader<'_, 'e> {
             }
         }
     }
+}
 
-    /// `0 <= a perp b >= 0`
-    fn pair(&mut self, constraint: &Constraint<'e>) -> Option<Row<'e>> {
-        let Constraint {
-            at,
-            comparison,
-            penalty,
-        } = constraint;
-        let Comparison {
-            members,
-            relations,
-            span,
-        } = comparison;
-        let is_zero = |e: &Expr<'e>| e.as_constant() == Some(0.0);
-        let why = match (&members[..], &relations[..]) {
-            (
-                [first, a, b, last],
-                [Relation::LessEqual, Relation::Perp, Relation::GreaterEqual],
-            ) if is_zero(first) && is_zero(last) => match penalty {
+/// `0 <= a perp b >= 0`
+fn pair<'e>(reader: &mut Reader<'_, 'e>, constraint: &Constraint<'e>) -> Option<Row<'e>> {
+    let Constraint {
+        at,
+        comparison,
+        penalty,
+    } = constraint;
+    let Comparison {
+        members,
+        relations,
+        span,
+    } = comparison;
+    let is_zero = |e: &Expr<'e>| e.as_constant() == Some(0.0);
+    let why = match (&members[..], &relations[..]) {
+        ([first, a, b, last], [Relation::LessEqual, Relation::Perp, Relation::GreaterEqual])
+            if is_zero(first) && is_zero(last) =>
+        {
+            match penalty {
                 None => {
                     return Some(Row {
                         name: String::new(),
@@ -131,10 +132,10 @@ impl<'e> Reader<'_, 'e> {
                     });
                 }
                 Some(_) => "it cannot be soft",
-            },
-            _ => "its members are not between zeros",
-        };
-        self.error(ExperimentError::NotAPair { why, span: *span });
-        None
-    }
+            }
+        }
+        _ => "its members are not between zeros",
+    };
+    reader.error(ExperimentError::NotAPair { why, span: *span });
+    None
 }

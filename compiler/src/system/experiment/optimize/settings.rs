@@ -49,7 +49,16 @@ pub(crate) const SHAPES: [(&str, Shape); 2] =
 pub(crate) const GRIDS: [(&str, bool); 2] = [("auto", true), ("fixed", false)];
 /// The method of `optimize`.
 pub const OPTIMIZER: &str = "mpcc";
-pub(crate) const OPTIONS: [&str; 5] = ["relaxation", "steering", "path", "cross", "equilibration"];
+pub(crate) const OPTIONS: [&str; 8] = [
+    "relaxation",
+    "steering",
+    "path",
+    "sigma",
+    "cross",
+    "equilibration",
+    "tolerance",
+    "max_iterations",
+];
 pub(crate) const RELAXATIONS: [(&str, Relaxation); 10] = [
     ("scholtes", Relaxation::Scholtes),
     ("fischer_burmeister", Relaxation::FischerBurmeister),
@@ -88,6 +97,13 @@ pub fn steering_word(steering: Steering) -> &'static str {
 pub(crate) const PATHS: [(&str, bool); 2] = [("coupled", false), ("sequential", true)];
 
 const MOST_INTERVALS: f64 = 1e6;
+const MOST_ITERATIONS: f64 = 1e9;
+/// Relaxations that relax something, and leave numbers digits.
+const LEAST_SIGMA: f64 = 1e-9;
+const LARGEST_SIGMA: f64 = 1e9;
+/// Optimality errors above rounding, with which a certificate can tell what is active.
+const LEAST_ERROR: f64 = 1e-15;
+const LARGEST_ERROR: f64 = 1e-6;
 
 impl<'m, 'e> Draft<'m, 'e> {
     /// The defaults.
@@ -268,7 +284,7 @@ impl<'m, 'e> Draft<'m, 'e> {
         at: At,
         soft: Option<&syntax::Soft>,
     ) {
-        let penalty = soft.map(|soft| reader.penalty(soft));
+        let penalty = soft.map(|soft| penalty(reader, soft));
         let found = reader.comparisons(&self.words, rows, at);
         let found = found.into_iter().map(|(at, comparison)| Constraint {
             at,
@@ -342,32 +358,9 @@ impl<'m, 'e> Draft<'m, 'e> {
             return reader.error(error);
         }
         reader.once_each(options);
-        for option in options {
-            let value = &option.value;
-            match option.name.name.as_str() {
-                "relaxation" => {
-                    let chosen = fesd::word(reader, "relaxation", value, &RELAXATIONS);
-                    self.options.relaxation = chosen.unwrap_or(self.options.relaxation);
-                }
-                "steering" => {
-                    let chosen = fesd::word(reader, "steering", value, &STEERINGS);
-                    self.options.steering = chosen.unwrap_or(self.options.steering);
-                }
-                "path" => {
-                    let chosen = fesd::word(reader, "path", value, &PATHS);
-                    self.options.is_sequential = chosen.unwrap_or(self.options.is_sequential);
-                }
-                "cross" => {
-                    let cross = fesd::word(reader, "sum", value, &fesd::CROSS);
-                    self.options.cross = cross.unwrap_or(self.options.cross);
-                }
-                "equilibration" => {
-                    let chosen = fesd::equilibration(reader, value);
-                    self.options.equilibration = chosen.unwrap_or(self.options.equilibration);
-                }
-                _ => reader.error(unknown_choice("option", &option.name, &OPTIONS)),
-            }
-        }
+        options
+            .iter()
+            .for_each(|option| self.options.read(reader, option));
     }
 
     /// Everything, once all settings have been read; `None` after an error.
@@ -409,6 +402,50 @@ impl<'m, 'e> Draft<'m, 'e> {
     }
 }
 
+impl MpccOptions {
+    /// Takes one of them; what is wrong with it is told, and leaves it as it is.
+    fn read(&mut self, reader: &mut Reader<'_, '_>, option: &Setting) {
+        let value = &option.value;
+        match option.name.name.as_str() {
+            "relaxation" => {
+                let chosen = fesd::word(reader, "relaxation", value, &RELAXATIONS);
+                self.relaxation = chosen.unwrap_or(self.relaxation);
+            }
+            "steering" => {
+                let chosen = fesd::word(reader, "steering", value, &STEERINGS);
+                self.steering = chosen.unwrap_or(self.steering);
+            }
+            "path" => {
+                let chosen = fesd::word(reader, "path", value, &PATHS);
+                self.is_sequential = chosen.unwrap_or(self.is_sequential);
+            }
+            "sigma" => {
+                let fits = |x: f64| (LEAST_SIGMA..=LARGEST_SIGMA).contains(&x);
+                let range = format!("in [{LEAST_SIGMA:e}, {LARGEST_SIGMA:e}]");
+                self.sigma = reader.within("`sigma`", value, &range, fits);
+            }
+            "cross" => {
+                let cross = fesd::word(reader, "sum", value, &fesd::CROSS);
+                self.cross = cross.unwrap_or(self.cross);
+            }
+            "equilibration" => {
+                let chosen = fesd::equilibration(reader, value);
+                self.equilibration = chosen.unwrap_or(self.equilibration);
+            }
+            "tolerance" => {
+                let fits = |x: f64| (LEAST_ERROR..=LARGEST_ERROR).contains(&x);
+                let range = format!("in [{LEAST_ERROR:e}, {LARGEST_ERROR:e}]");
+                let tolerance = reader.within("`tolerance`", value, &range, fits);
+                self.tolerance = tolerance.unwrap_or(self.tolerance);
+            }
+            "max_iterations" => {
+                self.max_iterations = reader.count("`max_iterations`", value, MOST_ITERATIONS);
+            }
+            _ => reader.error(unknown_choice("option", &option.name, &OPTIONS)),
+        }
+    }
+}
+
 /// A number of equal control intervals, or a list of their lengths.
 fn intervals(reader: &mut Reader<'_, '_>, value: &syntax::Expr) -> Option<(usize, Lengths)> {
     let (shape, numbers) = reader.numbers("`intervals`", value)?;
@@ -443,22 +480,22 @@ fn instants(reader: &mut Reader<'_, '_>, at: &Ident) -> Option<At> {
     found
 }
 
-impl<'e> Reader<'_, 'e> {
-    /// `soft l1 weight 1e3`
-    fn penalty(&mut self, soft: &syntax::Soft) -> Option<Penalty<'e>> {
-        let known = Norm::ALL.iter().find(|known| known.0 == soft.norm.name);
-        if known.is_none() {
-            let words = Norm::ALL.map(|known| known.0);
-            self.error(unknown_choice("norm of violations", &soft.norm, &words));
-        }
-        let fits = |weight: f64| weight >= 0.0 && weight.is_finite();
-        let (_, weight) = self.follows("the weight", &soft.weight, "0 or more", fits)?;
-        Some(Penalty {
-            norm: known?.1,
-            weight,
-        })
+/// `soft l1 weight 1e3`
+fn penalty<'e>(reader: &mut Reader<'_, 'e>, soft: &syntax::Soft) -> Option<Penalty<'e>> {
+    let known = Norm::ALL.iter().find(|known| known.0 == soft.norm.name);
+    if known.is_none() {
+        let words = Norm::ALL.map(|known| known.0);
+        reader.error(unknown_choice("norm of violations", &soft.norm, &words));
     }
+    let fits = |weight: f64| weight >= 0.0 && weight.is_finite();
+    let (_, weight) = reader.follows("the weight", &soft.weight, "0 or more", fits)?;
+    Some(Penalty {
+        norm: known?.1,
+        weight,
+    })
+}
 
+impl<'e> Reader<'_, 'e> {
     /// `horizon 2*p;`: where p is free, T is, and T = 2 p is a constraint.
     pub(crate) fn horizon(
         &mut self,
