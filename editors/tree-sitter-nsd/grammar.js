@@ -180,7 +180,7 @@ module.exports = grammar({
     _row: ($) => choice($.row_loop, $.relation),
     row_loop: ($) => closed("for", list($.binder), $.rows),
     relation: ($) =>
-      ended($._arithmetic, repeat1(seq(choice("<=", ">=", "<", ">", "="), $._arithmetic))),
+      ended($._arithmetic, repeat1(seq(choice("<=", ">=", "<", ">", "=", "perp"), $._arithmetic))),
     equation: ($) => ended($.number, "=", $._expression),
     complementarity: ($) => ended($.number, "<=", $._arithmetic, "perp", $._arithmetic, ">=", $.number),
     dynamics: ($) => ended($._statement_path, $.prime, choice("=", "+="), $._expression),
@@ -243,8 +243,10 @@ module.exports = grammar({
     record: ($) => ended("output", choice(prec.dynamic(1, $._when), seq(list(alias($._path_in_output, $.path)), optional($._when)))),
     _when: ($) => choice(seq("every", $._expression), seq("at", $._expression)),
     lower: ($) => ended("lower", list($.identifier)),
-    subject_to: ($) => seq("subject", "to", $.rows, choice(ended("at", $.identifier), optional(";"))),
-    final: ($) => closed("final", $.rows),
+    subject_to: ($) =>
+      seq("subject", "to", $.rows, choice(ended("at", $.identifier, optional($.soft)), ended($.soft), optional(";"))),
+    soft: ($) => seq("soft", field("norm", $.identifier), "weight", $._expression),
+    final: ($) => seq("final", $.rows, choice(ended($.soft), optional(";"))),
     initial: ($) => closed("initial", block(choice($.freed, $._row))),
     freed: ($) => ended($._primary, "free", optional($.domain)),
     free: ($) => closed("free", block($.free_parameter)),

@@ -86,6 +86,7 @@ mod set_points;
 mod setting_off;
 mod sides;
 mod smoothing;
+mod soft;
 mod stiff;
 mod stops;
 mod stress;

@@ -31,6 +31,7 @@
 (option name: (identifier) @property)
 (method name: (identifier) @constant)
 (lower (identifier) @constant)
+(soft norm: (identifier) @constant)
 (measured column: (identifier) @property)
 (drawing name: (identifier) @function.call)
 
@@ -44,7 +45,7 @@
   "final" "free" "golden" "grid" "guess" "hidden" "horizon" "in" "indicator" "initial" "intervals" "is"
   "linear" "loss" "lower" "lowering" "mechanics" "method" "metric" "minimize" "mode" "nonlinear" "numbers"
   "of" "offset" "on" "one_sided" "onto" "perturb" "phase" "plot" "project" "runs" "sample" "scheme" "seed" "sensitivity" "slide"
-  "sliding" "solves" "starts" "status" "stop" "subject" "title" "to" "tolerance" "variational" "warning" "weight" "when"
+  "sliding" "soft" "solves" "starts" "status" "stop" "subject" "title" "to" "tolerance" "variational" "warning" "weight" "when"
   "where" "width" "with" "within"
 ] @keyword
 

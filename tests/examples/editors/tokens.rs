@@ -17,7 +17,7 @@ use crate::grammar::Grammar;
 const FOLDERS: [&str; 3] = ["examples", "stdlib", "compiler/src/syntax/tests/samples"];
 
 /// Places where a word may be a name, `@`, or where it looks as if it might.
-const PLACES: [&str; 65] = [
+const PLACES: [&str; 67] = [
     "const @ = 1;",
     "fn @(a) = a;",
     "fn f(@, b) = @ + b*@;",
@@ -55,6 +55,8 @@ const PLACES: [&str; 65] = [
     "simulate s of m { output @, a.@; lower @, @; }",
     "simulate s of m { output a, @ every @; output a at @; output every 0.1; output at @; }",
     "simulate s of m { subject to { @ >= 0; } at @; subject to { a <= @; } final { @ = 1; } }",
+    "simulate s of m { subject to { @ >= 0; } at @ soft @ weight @; subject to { 0 <= @ perp @ >= 0; } soft @ weight 2; }",
+    "simulate s of m { final { @ = 1; } soft @ weight @ + 1; final { soft = weight; weight <= soft; } }",
     "simulate s of m { initial { @ = 1; @ free; @ free in [0, @]; x free in {1, @}; } }",
     "simulate s of m { free { @; @ in [0, 1]; a.@; } }",
     "simulate s of m { guess { from @; from \"a.json\"; @ = 1; @.b = 2; } }",
