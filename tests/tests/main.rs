@@ -72,6 +72,7 @@ mod outputs;
 mod perturbed_names;
 mod piecewise_affine;
 mod piles;
+mod plain;
 mod plans;
 mod prepared;
 mod projections;

@@ -8,7 +8,7 @@ use nsd_solver::integrate::tableau::{Family, Tableau};
 use nsd_tests::{end, run, with_experiment};
 use nsdc::lowering::dcs::{Formulation, lower_as};
 use nsdc::lowering::discretize::{
-    Cross, Detection, Equilibration, Form, Grid, Layout, Options, discretize,
+    Cross, Detection, Elements, Equilibration, Form, Grid, Layout, Options, discretize,
 };
 use nsdc::lowering::mpcc::{Bounds, Evaluator, Kind, Mpcc};
 
@@ -190,7 +190,7 @@ fn options(scheme: (Family, usize), form: Form, cross: Cross) -> Options {
     Options {
         scheme,
         form: Some(form),
-        detection: Some(Detection {
+        elements: Elements::Detected(Detection {
             cross,
             equilibration: Equilibration::Exact,
             ..Detection::default()

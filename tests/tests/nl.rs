@@ -19,7 +19,7 @@ use nsd_tests::with_experiment;
 use nsdc::expr::Expr;
 use nsdc::lowering::dcs::{Formulation, lower_as};
 use nsdc::lowering::discretize::{
-    Cross, Detection, Equilibration, Form, Grid, Options, discretize,
+    Cross, Detection, Elements, Equilibration, Form, Grid, Options, discretize,
 };
 use nsdc::lowering::mpcc::{Ampl, Evaluator, Kind, Mpcc, Value};
 
@@ -91,7 +91,7 @@ fn for_each(mut check: impl FnMut(&str, &Mpcc)) {
                     let options = Options {
                         scheme,
                         form,
-                        detection: Some(detection),
+                        elements: Elements::Detected(detection),
                     };
                     let (mpcc, _) = discretize(&dcs, grid, &options).expect("the model is small");
                     check(&format!("{experiment}_{formulation}_{i}"), &mpcc);
@@ -390,7 +390,7 @@ fn a_small_file() {
     let options = Options {
         scheme: (Family::RadauIia, 1),
         form: None,
-        detection: Some(detection),
+        elements: Elements::Detected(detection),
     };
     let grid = Grid {
         start: 0.0,

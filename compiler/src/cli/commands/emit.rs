@@ -192,6 +192,7 @@ impl From<DiscretizeError> for Refused {
             DiscretizeError::NoValue { .. } => {
                 "take a scheme whose last node is the end, such as `radau_iia`, or state it `at nodes`"
             }
+            DiscretizeError::Plain { .. } => "`elements` with a number finds the instants",
             DiscretizeError::Start { .. } => "start where all functions have values",
         };
         let fact = error.to_string();

@@ -1,7 +1,7 @@
 //! What the printed blocks refer to: how the program was made, f, g, and the members of pairs.
 
 use super::cross::Pairs;
-use super::{Detection, Grid, Options, equilibrate};
+use super::{Detection, Elements, Grid, Options, equilibrate};
 use crate::diagnostics::counted;
 use crate::lowering::dcs::Dcs;
 use crate::lowering::mpcc::{Definition, Mpcc};
@@ -16,9 +16,13 @@ pub(crate) fn remarks(dcs: &Dcs, grid: Grid, form: Form, options: &Options) -> V
     };
     let steps = counted(grid.steps, "step");
     let method = format!("{}({nodes}), {form} form", family.word());
-    let grid = match options.detection {
-        None => format!("time stepping, {steps} to T = {}", grid.horizon),
-        Some(detection) => {
+    let grid = match options.elements {
+        Elements::Plain(1) => format!("time stepping, {steps} to T = {}", grid.horizon),
+        Elements::Plain(elements) => {
+            let horizon = grid.horizon;
+            format!("time stepping, {steps} of {elements} equal elements to T = {horizon}")
+        }
+        Elements::Detected(detection) => {
             let cross = match detection.cross {
                 Cross::All => "pairs across all nodes",
                 Cross::SumTheta => "pairs with sums of what jumps",

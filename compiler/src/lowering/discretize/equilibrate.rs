@@ -19,8 +19,11 @@ use crate::system::experiment::Equilibration;
 
 /// Rows or terms of the objective that say so.
 pub(crate) fn state<'e>(pairs: &Pairs<'_, 'e>, detection: Option<Detection>, mpcc: &mut Mpcc<'e>) {
-    let Some(detection) = detection.filter(|detection| detection.elements > 1) else {
+    if pairs.formals.layout.elements == 1 {
         return;
+    }
+    let Some(detection) = detection else {
+        return equal(pairs.formals, mpcc);
     };
     // Simulations have no other objective.
     let kind = match pairs.formals.dcs.task {
@@ -48,6 +51,21 @@ pub(crate) fn state<'e>(pairs: &Pairs<'_, 'e>, detection: Option<Detection>, mpc
             );
         }
     }
+}
+
+/// Lengths are equal whatever is between elements, where they are not given.
+fn equal<'e>(formals: &Formals<'_, 'e>, mpcc: &mut Mpcc<'e>) {
+    let layout = formals.layout;
+    if mpcc.bound_mut(layout.h(1, 1)).is_fixed() {
+        return;
+    }
+    let h = mpcc.exprs.variables("h", 2);
+    let ranges = [layout.each_step(), Span::new("j", 1, layout.elements - 1)];
+    let block = Builder::new("equal", ranges)
+        .variable(h[0], |[k, j]| layout.h(k, j))
+        .variable(h[1], |[k, j]| layout.h(k, j + 1));
+    let (row, text) = (vec![h[1] - h[0]], "0 = h[k,j+1] - h[k,j]");
+    block.state(mpcc, Kind::Equation, row, vec![Source::Grid], text);
 }
 
 /// A term in h and its mean for each element.

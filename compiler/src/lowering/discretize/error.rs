@@ -29,6 +29,16 @@ pub enum DiscretizeError {
         /// The constraint or cost.
         span: Span,
     },
+    /// What happens at instants, where elements end at none of them.
+    #[error(
+        "`elements plain` has no ends of elements at {what}; give a number of `elements`, {instead}"
+    )]
+    Plain {
+        /// What happens.
+        what: &'static str,
+        /// Another way out.
+        instead: &'static str,
+    },
     /// The continuous algebraic variables have no values to start from.
     #[error("`0 = {row}` does not hold at t = {time}")]
     Start {
@@ -79,6 +89,21 @@ pub fn check_given(dcs: &Dcs, start: f64) -> Result<(), DiscretizeError> {
     }
 }
 
+/// Refuses what needs the detection of switches, where something is optimized without.
+pub(crate) fn check_plain(dcs: &Dcs, options: &Options) -> Result<(), DiscretizeError> {
+    let refused = match (dcs.impacts.is_empty(), dcs.switches.branches.is_empty()) {
+        _ if dcs.task.is_none() || options.elements.detection().is_some() => return Ok(()),
+        (false, _) => ["impacts", "or take `lower timefreezing;`"],
+        (_, false) => [
+            "folds of nonlinear sliding",
+            "or read the switch `sliding linear`",
+        ],
+        _ => return Ok(()),
+    };
+    let [what, instead] = refused;
+    Err(DiscretizeError::Plain { what, instead })
+}
+
 /// Arguments of all rows, which is what memory goes to.
 const MOST_ARGUMENTS: f64 = 2e7;
 
@@ -87,17 +112,15 @@ pub(crate) fn check_size(dcs: &Dcs, grid: Grid, options: &Options) -> Result<(),
     let number = |n: usize| n as f64;
     let nodes = number(options.scheme.1);
     let (states, algebraics) = (number(dcs.states.len()), number(dcs.algebraics.len()));
-    let elements = number(grid.steps) * options.detection.map_or(1.0, |d| number(d.elements));
+    let elements = number(grid.steps) * number(options.elements.count());
     let collocation = nodes * (states * (nodes + 3.0) + 2.0 * algebraics);
     let pairs = 2.0 * number(dcs.rows.pairs.len());
-    let pairs = options
-        .detection
-        .map_or(nodes, |detection| match detection.cross {
-            Cross::All => nodes * (nodes + 1.0),
-            Cross::SumTheta | Cross::SumLambda => nodes * (nodes + 2.0),
-            Cross::SumBoth => 2.0 * nodes + 1.0,
-        })
-        * pairs;
+    let detection = options.elements.detection();
+    let pairs = detection.map_or(nodes, |detection| match detection.cross {
+        Cross::All => nodes * (nodes + 1.0),
+        Cross::SumTheta | Cross::SumLambda => nodes * (nodes + 2.0),
+        Cross::SumBoth => 2.0 * nodes + 1.0,
+    }) * pairs;
     let size = elements * (collocation + pairs);
     if size > MOST_ARGUMENTS {
         return Err(DiscretizeError::TooLarge { size });

@@ -60,7 +60,7 @@ pub use impulses::WINDOW;
 pub use layout::Layout;
 pub(crate) use layout::ends::End;
 pub(crate) use layout::fixed_params;
-pub use options::{Detection, Grid, Options};
+pub use options::{Detection, Elements, Grid, Options};
 pub(crate) use task::chosen;
 
 use crate::expr::Expr;
@@ -75,7 +75,8 @@ pub fn discretize<'e>(
     options: &Options,
 ) -> Result<(Mpcc<'e>, Layout), DiscretizeError> {
     error::check_size(dcs, grid, options)?;
-    if options.detection.is_some() {
+    error::check_plain(dcs, options)?;
+    if options.elements.detection().is_some() {
         check_given(dcs, grid.start)?;
     }
     let (reduced, integrals) = task::quadrature::split(dcs);
@@ -105,8 +106,16 @@ pub fn discretize<'e>(
         conditions: Conditions::default(),
     };
     let rates: Vec<Expr> = integrals.iter().map(|integral| integral.rate).collect();
-    let detection = options.detection;
-    let layout = layout::declare(&mut mpcc, dcs, grid, &tableau, form, detection, &rates);
+    let detection = options.elements.detection();
+    let layout = layout::declare(
+        &mut mpcc,
+        dcs,
+        grid,
+        &tableau,
+        form,
+        options.elements,
+        &rates,
+    );
     let formals = Formals::new(dcs, &layout, grid);
     let pairs = Pairs::new(&formals, detection.map(|detection| detection.cross));
     let dynamics = Dynamics {

@@ -24,8 +24,35 @@ pub struct Options {
     pub scheme: (Family, usize),
     /// How the method is written; `None` for the integral form where there is one.
     pub form: Option<Form>,
-    /// How switches are detected; `None` for time stepping, which does not.
-    pub detection: Option<Detection>,
+    /// What a step consists of.
+    pub elements: Elements,
+}
+
+/// The elements of a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Elements {
+    /// Switches get to their ends.
+    Detected(Detection),
+    /// So many of equal lengths, whatever switches within them: time stepping.
+    Plain(usize),
+}
+
+impl Elements {
+    /// How many there are.
+    pub fn count(self) -> usize {
+        match self {
+            Elements::Detected(detection) => detection.elements,
+            Elements::Plain(count) => count,
+        }
+    }
+
+    /// How switches are detected, where they are.
+    pub fn detection(self) -> Option<Detection> {
+        match self {
+            Elements::Detected(detection) => Some(detection),
+            Elements::Plain(_) => None,
+        }
+    }
 }
 
 /// How switches get to the ends of elements.
@@ -64,7 +91,7 @@ impl Options {
         Options {
             scheme: options.scheme,
             form: options.form,
-            detection: Some(Detection {
+            elements: Elements::Detected(Detection {
                 elements: options.elements,
                 cross: options.cross,
                 equilibration: options.equilibration,
@@ -75,16 +102,20 @@ impl Options {
 
     /// Those of an `optimize`.
     pub fn optimize(task: &Optimize) -> Self {
+        let grid = &task.discretization;
         Options {
-            scheme: task.discretization.scheme,
+            scheme: grid.scheme,
             form: None,
-            detection: Some(Detection {
-                elements: task.discretization.elements,
-                cross: task.options.cross,
-                equilibration: task.options.equilibration,
-                // An element may be as long as its interval: which of them a switch is between is the solver's choice.
-                spread: task.discretization.elements as f64 - 1.0,
-            }),
+            elements: match grid.detects {
+                true => Elements::Detected(Detection {
+                    elements: grid.elements,
+                    cross: task.options.cross,
+                    equilibration: task.options.equilibration,
+                    // An element may be as long as its interval: which of them a switch is between is the solver's choice.
+                    spread: grid.elements as f64 - 1.0,
+                }),
+                false => Elements::Plain(grid.elements),
+            },
         }
     }
 
@@ -93,7 +124,7 @@ impl Options {
         Options {
             scheme: options.scheme(),
             form: None,
-            detection: None,
+            elements: Elements::Plain(1),
         }
     }
 }

@@ -22,7 +22,8 @@ pub(crate) fn state<'e>(formals: &Formals<'_, 'e>, mpcc: &mut Mpcc<'e>) {
     }
     let layout = formals.layout;
     let has_lengths = layout.horizon().is_some() || layout.decided.share(1).is_some();
-    if layout.elements == 1 && !has_lengths {
+    // Equal lengths that are given add up.
+    if !has_lengths && mpcc.bound_mut(layout.h(1, 1)).is_fixed() {
         return;
     }
     let (exprs, step) = (mpcc.exprs, formals.step());

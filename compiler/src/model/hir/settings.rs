@@ -8,6 +8,15 @@ use crate::syntax::{
     Path, PlotItem, PlotKind, SettingKind,
 };
 
+/// `plain(2)`, of words that `elements` takes.
+fn is_plain(value: &Expr) -> bool {
+    let head = match &value.kind {
+        ExprKind::Call(head, _) => head,
+        _ => value,
+    };
+    matches!(&head.kind, ExprKind::Name(name) if name == "plain")
+}
+
 /// Settings, whose names are those of the model and of the file of the experiment.
 pub(super) struct Settings<'s, 'r, 'f> {
     pub resolver: &'s mut Resolver<'r, 'f>,
@@ -76,7 +85,9 @@ impl<'r, 'f> Settings<'_, 'r, 'f> {
                 // Their values are words of the language.
                 SettingKind::Value { name, .. } if matches!(&*name.name, "controls" | "scheme") => {
                 }
-                SettingKind::Value { name, value } if name.name == "loss" => {
+                SettingKind::Value { name, value }
+                    if name.name == "loss" || name.name == "elements" && is_plain(value) =>
+                {
                     self.worded().word(value);
                 }
                 SettingKind::Value { value, .. } | SettingKind::FreeIntervals(value) => {

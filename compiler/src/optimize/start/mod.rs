@@ -160,7 +160,7 @@ fn options(problem: &Problem, reference: bool, starts: Option<Starts>, limit: &L
         patience,
         form,
         homotopy,
-        tolerance: chosen.tolerance,
+        tolerance: chosen.optimality,
         iterations: Iterations {
             all: chosen.max_iterations.unwrap_or(usize::MAX),
             ..Iterations::default()

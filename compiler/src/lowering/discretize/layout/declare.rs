@@ -8,7 +8,7 @@ use super::{Algebraics, Boundaries, Decided, Layout, Led, States};
 use crate::expr::{Expr, Var, variables_of};
 use crate::lowering::dcs::{Algebraic, Branch, Dcs, Friction, Impact, SlipLaw};
 use crate::lowering::discretize::formals::block::variable;
-use crate::lowering::discretize::{Detection, Grid};
+use crate::lowering::discretize::{Detection, Elements, Grid};
 use crate::lowering::mpcc::{Bounds, Mpcc, Span, n_places};
 use crate::system::Allowed;
 use crate::system::experiment::Form;
@@ -28,10 +28,10 @@ pub(crate) fn declare(
     grid: Grid,
     tableau: &Tableau,
     form: Form,
-    detection: Option<Detection>,
+    elements: Elements,
     rates: &[Expr],
 ) -> Layout {
-    let frame = Frame::new(dcs, grid, tableau, detection);
+    let frame = Frame::new(dcs, grid, tableau, elements);
     let Frame {
         elements,
         nodes,
@@ -85,13 +85,13 @@ fn names<'e>(vars: impl IntoIterator<Item = Expr<'e>>) -> Vec<String> {
 }
 
 impl<'d, 'e> Frame<'d, 'e> {
-    fn new(dcs: &'d Dcs<'e>, grid: Grid, tableau: &Tableau, detection: Option<Detection>) -> Self {
+    fn new(dcs: &'d Dcs<'e>, grid: Grid, tableau: &Tableau, elements: Elements) -> Self {
         let nodes = tableau.n_nodes();
         Frame {
             dcs,
             grid,
-            detection,
-            elements: detection.map_or(1, |detection| detection.elements),
+            detection: elements.detection(),
+            elements: elements.count(),
             nodes,
             end: match tableau.ends_at_node() {
                 true => nodes,
@@ -186,8 +186,10 @@ impl<'d, 'e> Frame<'d, 'e> {
         let start = |e: usize| {
             let step = (e / self.elements) as f64;
             let start = grid.start + grid.horizon * step / grid.steps as f64;
+            let is_given = is_fixed && self.detection.is_none();
             match e % self.elements {
                 0 if e == 0 || is_fixed => Bounds::fixed(start),
+                j if is_given => Bounds::fixed(start + j as f64 * self.mean()),
                 j => Bounds::free(start + j as f64 * self.mean()),
             }
         };

@@ -146,6 +146,13 @@ fn entry_and_exit() -> Known {
     }
 }
 
+fn detection(options: &mut Options) -> &mut Detection {
+    match &mut options.elements {
+        Elements::Detected(detection) => detection,
+        Elements::Plain(_) => unreachable!("switches are detected"),
+    }
+}
+
 impl Known {
     fn options(&self, scheme: (Family, usize)) -> Options {
         let detection = Detection {
@@ -293,7 +300,7 @@ fn rows_vanish_and_pairs_are_complementary() {
         // Every fifth combination, from another one on each time.
         turn += 1;
         for (cross, equilibration) in all.clone().skip(turn % 5).step_by(5) {
-            let detection = options.detection.as_mut().unwrap();
+            let detection = detection(&mut options);
             (detection.cross, detection.equilibration) = (cross, equilibration);
             let (mpcc, layout) = discretized(system, formulation, known.grid, &options);
             let nodes = Tableau::new(options.scheme.0, options.scheme.1)
@@ -318,7 +325,7 @@ fn switches_inside_elements_are_no_solution() {
             return;
         }
         for (cross, shift) in CROSS.into_iter().flat_map(|c| [(c, 0.05), (c, -0.05)]) {
-            options.detection.as_mut().unwrap().cross = cross;
+            detection(&mut options).cross = cross;
             let (mpcc, layout) = discretized(system, formulation, known.grid, &options);
             let nodes = Tableau::new(options.scheme.0, options.scheme.1)
                 .unwrap()
@@ -343,7 +350,7 @@ fn time_stepping_misses_switches() {
         if options.scheme.1 == 1 {
             return;
         }
-        options.detection = None;
+        options.elements = Elements::Plain(1);
         let (mpcc, layout) = discretized(system, formulation, known.grid, &options);
         let nodes = Tableau::new(options.scheme.0, options.scheme.1)
             .unwrap()
@@ -365,7 +372,7 @@ fn equilibration_sees_unequal_lengths() {
         for formulation in FORMULATIONS {
             let residual = |equilibration| {
                 let mut options = known.options((Family::RadauIia, 2));
-                options.detection.as_mut().unwrap().equilibration = equilibration;
+                detection(&mut options).equilibration = equilibration;
                 let (mpcc, layout) = discretized(&system, formulation, known.grid, &options);
                 let nodes = Tableau::new(Family::RadauIia, 2).unwrap().nodes;
                 let mut lengths = known.lengths.clone();

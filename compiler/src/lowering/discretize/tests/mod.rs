@@ -35,7 +35,7 @@ fn options(scheme: (Family, usize), detection: Detection) -> Options {
     Options {
         scheme,
         form: None,
-        detection: Some(detection),
+        elements: Elements::Detected(detection),
     }
 }
 

@@ -255,7 +255,7 @@ fn time_stepping() {
     let options = Options {
         scheme: (Family::Explicit, 2),
         form: None,
-        detection: None,
+        elements: Elements::Plain(1),
     };
     assert_snapshot!(printed(fixtures::two_relays, Formulation::Stewart, &options), @"
     // stewart

@@ -67,6 +67,8 @@ pub struct Discretization {
     pub intervals: usize,
     /// Finite elements per interval.
     pub elements: usize,
+    /// Whether switches get to their ends; else they have equal lengths.
+    pub detects: bool,
     /// Family of Runge-Kutta methods, and number of nodes.
     pub scheme: (Family, usize),
     /// What controls are within an interval.
@@ -360,7 +362,7 @@ pub struct MpccOptions {
     /// Its first value, where that is given.
     pub sigma: Option<f64>,
     /// What the optimality error of a solution has to reach.
-    pub tolerance: f64,
+    pub optimality: f64,
     /// The largest number of iterations of all runs from one start.
     pub max_iterations: Option<usize>,
 }
@@ -374,7 +376,7 @@ impl Default for MpccOptions {
             steering: Steering::Direct,
             is_sequential: false,
             sigma: None,
-            tolerance: 1e-12,
+            optimality: 1e-12,
             max_iterations: None,
         }
     }

@@ -12,6 +12,7 @@ use super::free::freed;
 use super::goal::Words;
 use super::kinks;
 use super::rows::Constraint;
+use super::start::one_argument;
 use super::{
     At, Cost, Discretization, Freed, Lengths, MpccOptions, Norm, Optimize, Penalty, Shape, Starts,
     Tied,
@@ -19,7 +20,9 @@ use super::{
 use crate::expr::{Expr, Var};
 use crate::model::{self, Comparison, Model};
 use crate::source::Span;
-use crate::syntax::{self, GuessSource, Ident, Path, Relation, Row, Setting, SettingKind};
+use crate::syntax::{
+    self, ExprKind, GuessSource, Ident, Path, Relation, Row, Setting, SettingKind,
+};
 
 /// What has been read so far.
 pub(crate) struct Draft<'m, 'e> {
@@ -45,6 +48,8 @@ pub(crate) const INSTANTS: [At; 3] = [At::Nodes, At::Elements, At::Intervals];
 /// Shapes of controls.
 pub(crate) const SHAPES: [(&str, Shape); 2] =
     [("constant", Shape::Constant), ("linear", Shape::Linear)];
+/// Elements without detection of switches.
+const PLAIN: &str = "plain";
 /// Grids, and whether they refine themselves.
 pub(crate) const GRIDS: [(&str, bool); 2] = [("auto", true), ("fixed", false)];
 /// The method of `optimize`.
@@ -56,7 +61,7 @@ pub(crate) const OPTIONS: [&str; 8] = [
     "sigma",
     "cross",
     "equilibration",
-    "tolerance",
+    "optimality",
     "max_iterations",
 ];
 pub(crate) const RELAXATIONS: [(&str, Relaxation); 10] = [
@@ -113,6 +118,7 @@ impl<'m, 'e> Draft<'m, 'e> {
             discretization: Discretization {
                 intervals: 20,
                 elements: 2,
+                detects: true,
                 scheme: (Family::RadauIia, 3),
                 controls: Shape::Constant,
                 lengths: Lengths::Equal,
@@ -313,8 +319,9 @@ impl<'m, 'e> Draft<'m, 'e> {
             "elements" => {
                 reader.once("`elements`", span);
                 self.refines.get_or_insert(false);
-                let count = reader.count("`elements`", value, fesd::MOST_ELEMENTS);
+                let (count, detects) = elements(reader, value);
                 grid.elements = count.unwrap_or(grid.elements);
+                grid.detects = detects;
             }
             "scheme" => {
                 reader.once("`scheme`", span);
@@ -432,11 +439,11 @@ impl MpccOptions {
                 let chosen = fesd::equilibration(reader, value);
                 self.equilibration = chosen.unwrap_or(self.equilibration);
             }
-            "tolerance" => {
+            "optimality" => {
                 let fits = |x: f64| (LEAST_ERROR..=LARGEST_ERROR).contains(&x);
                 let range = format!("in [{LEAST_ERROR:e}, {LARGEST_ERROR:e}]");
-                let tolerance = reader.within("`tolerance`", value, &range, fits);
-                self.tolerance = tolerance.unwrap_or(self.tolerance);
+                let optimality = reader.within("`optimality`", value, &range, fits);
+                self.optimality = optimality.unwrap_or(self.optimality);
             }
             "max_iterations" => {
                 self.max_iterations = reader.count("`max_iterations`", value, MOST_ITERATIONS);
@@ -470,6 +477,26 @@ fn intervals(reader: &mut Reader<'_, '_>, value: &syntax::Expr) -> Option<(usize
         false => Lengths::Given(numbers.clone()),
     };
     Some((numbers.len(), lengths))
+}
+
+/// `3` with switches at their ends, `plain(3)` or `plain` without.
+fn elements(reader: &mut Reader<'_, '_>, value: &syntax::Expr) -> (Option<usize>, bool) {
+    let (count, detects) = match (&value.kind, one_argument(value)) {
+        (ExprKind::Name(word), _) if word == PLAIN => return (Some(1), false),
+        (_, Some((PLAIN, count))) => (count, false),
+        (ExprKind::Call(head, _), _) if head.to_string() == PLAIN => {
+            reader.error(ExperimentError::OutOfRange {
+                what: "`elements`".to_owned(),
+                expected: "`plain(n)`, with one whole number".to_owned(),
+                found: format!("`{value}`"),
+                span: value.span,
+            });
+            return (None, false);
+        }
+        _ => (value, true),
+    };
+    let count = reader.count("`elements`", count, fesd::MOST_ELEMENTS);
+    (count, detects)
 }
 
 fn instants(reader: &mut Reader<'_, '_>, at: &Ident) -> Option<At> {

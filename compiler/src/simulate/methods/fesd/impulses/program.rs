@@ -11,7 +11,7 @@ use rustc_hash::FxHashMap;
 use super::super::complementarity::complementarity_open;
 use crate::expr::{self, Expr, Var};
 use crate::lowering::dcs::{Dcs, Impact, Kept};
-use crate::lowering::discretize::{self, Detection, End, Grid, WINDOW, discretize};
+use crate::lowering::discretize::{self, Detection, Elements, End, Grid, WINDOW, discretize};
 use crate::lowering::hybrid;
 use crate::lowering::mpcc::Program;
 use crate::simulate::record::elements::shape;
@@ -74,7 +74,7 @@ pub(crate) fn program(
     dcs.task = Some(nothing(length, Span::default()));
     let options = discretize::Options::fesd(options);
     let options = discretize::Options {
-        detection: options.detection.map(|_| Detection {
+        elements: Elements::Detected(Detection {
             elements,
             cross: discretize::Cross::SumBoth,
             equilibration: Equilibration::Mean { weight: 1.0 },
