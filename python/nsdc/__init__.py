@@ -27,6 +27,7 @@ _MODULES = {
     "_function": "Function",
     "_gradient": "Gradient Moves",
     "_magic": "load_ipython_extension",
+    "_programs": "Solution solve_nl",
     "_quantities": "Quantities Quantity",
     "_result": "Event Mode Result",
     "_sweep": "Sweep",

@@ -8,6 +8,7 @@ from ._file import File as File, check as check, explain as explain, load as loa
 from ._function import Function as Function
 from ._gradient import Gradient as Gradient, Moves as Moves
 from ._magic import load_ipython_extension as load_ipython_extension
+from ._programs import Solution as Solution, solve_nl as solve_nl
 from ._quantities import Quantities as Quantities, Quantity as Quantity
 from ._result import Event as Event, Mode as Mode, Result as Result
 from ._sweep import Sweep as Sweep
