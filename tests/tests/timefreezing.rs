@@ -411,3 +411,24 @@ fn printed_forms() {
         });
     }
 }
+
+/// The program of frozen time lets the memory of a relay rest between its sides; no motion does.
+#[test]
+fn relays_of_optima_are_on_one_side() {
+    let mut between = 0;
+    for (horizon, weight, start) in [(4, 0.1, 0), (3, 0.1, 0), (4, 1.0, 1)] {
+        let text = format!(
+            "model m {{ state x = 0; switch h = hysteresis(x, on = 1, off = -1, start = {start}); state y = 0; control u in [-2, 2] = 0; x' = u; y' = h; }}
+             optimize o of m {{ horizon {horizon}; intervals 4; elements 4; lower timefreezing; minimize -final(y) + {weight}*integral(u^2); final {{ x = 0; }} }}"
+        );
+        let found = nsd_tests::optimum(&text, "o");
+        match &found.failure {
+            None => nsd_tests::agrees(&found, 1e-5),
+            Some(failure) => {
+                assert!(failure.to_string().contains("two sides"), "{failure}");
+                between += 1;
+            }
+        }
+    }
+    assert!(between > 0);
+}

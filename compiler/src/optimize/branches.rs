@@ -1,10 +1,14 @@
-//! Whether a solution is in the sliding modes of the model, where switches are read nonlinearly.
+//! Whether a solution is in the modes of the model, where switches are read nonlinearly or have memory.
 //!
 //! The program tells sliding modes that attract from those that repel, but not which of several is entered, nor that one
 //! is not left before it ends: that depends on the side that the state comes from, which the dummy system knows
 //! ([`nsd_solver::event`]). So the controls that were found are run from event to event. Where that run is in other
 //! modes the program is solved again from it, in its modes. What differs still is no solution of the model.
+//!
+//! The memory of a relay is a state in numerical time, which goes from 0 to 1 while the clock stands. Between these it
+//! may slide, as the auxiliary dynamics do, with a clock that goes on; the relay is on no side there, as no motion is.
 
+use miette::LabeledSpan;
 use nsd_solver::integrate::tableau::lagrange_distinct;
 use nsd_solver::optimization::mpcc;
 use nsd_solver::optimization::mpcc::{Options, Solution, Status};
@@ -23,6 +27,13 @@ const MAX_ROUNDS: usize = 4;
 const APART: f64 = 0.1;
 /// Modes may differ for so long, as a share of the horizon: switches of both are not at the same instants.
 const BRIEF: f64 = 1e-2;
+
+/// Where the memory of a relay is on neither side while time goes on.
+struct Undecided {
+    time: f64,
+    /// The switch.
+    relay: usize,
+}
 
 /// Where a solution and a run with its controls are in different modes.
 struct Difference {
@@ -79,6 +90,65 @@ impl<'e> Problem<'e> {
         first.filter(|_| duration > BRIEF * horizon)
     }
 
+    /// Where a relay is on neither side of a point first, if one is for long.
+    fn undecided(&self, w: &[f64]) -> Option<Undecided> {
+        let (frozen, at, layout) = (self.frozen.as_ref()?, self.at(w), &self.layout);
+        let (mut first, mut duration) = (None, 0.0);
+        for (k, j) in layout.all_elements() {
+            let instants = at.instants((k, j), 0.0);
+            if at.stands((k, j), &instants) {
+                continue;
+            }
+            let is_between = |state: usize| {
+                let nodes = (1..=layout.nodes).map(|m| w[layout.x(k, j, m) + state]);
+                let mean = nodes.sum::<f64>() / layout.nodes as f64;
+                (APART..=1.0 - APART).contains(&mean)
+            };
+            let mut relays = frozen.relays.iter();
+            if let Some(memory) = relays.find(|memory| is_between(memory.state)) {
+                duration += instants[layout.end] - instants[0];
+                first.get_or_insert(Undecided {
+                    time: instants[0],
+                    relay: memory.relay,
+                });
+            }
+        }
+        first.filter(|_| duration > BRIEF * at.horizon())
+    }
+
+    /// What is wrong with a solution in which a relay is on neither side.
+    fn on_no_side(&self, undecided: &Undecided) -> Failure {
+        let switch = &self.system.switches[undecided.relay];
+        let span = switch.spans.first().copied();
+        let label = "its sides are all it has".to_owned();
+        Failure::NotOptimal {
+            what: format!(
+                "in the point that was found relay `{}` is between its two sides from t = {:.6} on, which the model never is",
+                switch.name, undecided.time
+            ),
+            is_feasible: false,
+            lines: vec![LabeledSpan::new_with_span(
+                Some(label),
+                span.unwrap_or(self.settings.span),
+            )],
+        }
+    }
+
+    /// What is wrong with the modes of a solution, beside a run with its controls where modes are read nonlinearly.
+    fn in_no_mode(&self, run: &ReferenceRun, w: &[f64]) -> Option<Failure> {
+        let undecided = self.undecided(w);
+        let undecided = undecided.map(|undecided| self.on_no_side(&undecided));
+        undecided.or_else(|| {
+            let difference = self.difference(run, w)?;
+            Some(self.in_other_mode(&difference))
+        })
+    }
+
+    /// Whether a solution may be in modes that the model is not in.
+    pub(super) fn has_other_modes(&self, w: &[f64]) -> bool {
+        !self.dcs.switches.branches.is_empty() || self.undecided(w).is_some()
+    }
+
     /// What is wrong with a solution in other modes than the model.
     fn in_other_mode(&self, difference: &Difference) -> Failure {
         let switch = &self.system.switches[difference.switch];
@@ -117,13 +187,15 @@ pub(super) fn settle(
             (Some(failure), _) => return Some(failure.clone()),
             (None, _) => {}
         }
-        let difference = problem.difference(&run, &solution.w)?;
-        let failure = problem.in_other_mode(&difference);
+        let failure = problem.in_no_mode(&run, &solution.w)?;
         if rounds.next().is_none() {
             return Some(failure);
         }
         let mut start = solution.w.clone();
-        reference::in_modes(problem, &run, &mut start);
+        match problem.frozen {
+            Some(_) => reference::in_numerical_time(problem, &mut start, limit),
+            None => reference::in_modes(problem, &run, &mut start),
+        };
         let options = Options {
             trust: mpcc::Trust::First,
             effort: 0,

@@ -120,7 +120,7 @@ fn simulate_again(
     trajectory: &mut Trajectory,
 ) {
     match in_other_mode {
-        None | Some(Failure::OtherMode { .. }) => {
+        None | Some(Failure::OtherMode { .. } | Failure::NotOptimal { .. }) => {
             checks::simulated::simulate(problem, solution, limit, trajectory);
         }
         Some(failure) if failure.is_over() => {}
@@ -157,8 +157,8 @@ impl<'e> Problem<'e> {
             .best
             .unwrap_or_else(|| least_violated(&found.solutions));
         let mut solution = found.solutions[best].clone();
-        let has_branches = !self.dcs.switches.branches.is_empty() && solution.is_feasible();
-        let in_other_mode = match has_branches {
+        let has_other_modes = solution.is_feasible() && self.has_other_modes(&solution.w);
+        let in_other_mode = match has_other_modes {
             true => branches::settle(self, &mut solution, options, limit, watch),
             false => None,
         };
