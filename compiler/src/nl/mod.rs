@@ -7,10 +7,10 @@ mod ampl;
 mod benchmark;
 mod error;
 mod json;
+mod starts;
 mod text;
 
 use nsd_solver::optimization::nl::{Code, Named, Problem, Quality};
-use nsd_solver::optimization::problem::Nlp;
 use nsd_solver::optimization::{mpcc, nl};
 
 pub use ampl::{BadOption, Settings, tolerance};
@@ -122,8 +122,7 @@ pub fn solve(
     if let Some(tolerance) = settings.tolerance {
         options.tolerance = tolerance;
     }
-    let start = problem.program.start().to_vec();
-    let solution = mpcc::solve_observed(&mut problem.program, &start, &options, observer);
+    let solution = starts::solve(&mut problem.program, &options, observer);
     let solve_s = clock.elapsed().as_secs_f64();
     let quality = problem.quality(&solution.w);
     let (status, code) = outcome(solution.status);
