@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import operator
 import os
 from dataclasses import dataclass, field
 from typing import Any
@@ -48,10 +49,12 @@ def solve_nl(
     *,
     tolerance: float | None = None,
     time_limit: float | None = None,
+    starts: int | None = None,
 ) -> Solution:
     """`nsdc solve`: solves a file `.nl`, text or binary, of AMPL or Pyomo, with complementarity conditions or without.
 
-    `tolerance` is what the optimality error has to reach, `time_limit` is in seconds. A program that is not solved is a
+    `tolerance` is what the optimality error has to reach, `time_limit` is in seconds. Local minima are looked for from
+    `starts` points, that of the file first, or without it from as many as a small program has time for. A program that is not solved is a
     result with another status. `CommandError` where the file cannot be read, or holds what is not solved.
 
     >>> import nsdc, pathlib, tempfile
@@ -73,6 +76,11 @@ def solve_nl(
     place = "./-" if place == "-" else place
     options = [] if tolerance is None else [f"--tolerance={_number('tolerance', tolerance)!r}"]
     options += [] if time_limit is None else [f"--time-limit={_number('time_limit', time_limit)!r}"]
+    if starts is not None:
+        count = operator.index(starts)
+        if count < 1:
+            raise ValueError(f"starts: 1 or more, not {starts!r}")
+        options.append(f"--starts={count}")
     line = ["nsdc", "solve", "--json=-", *options, "--", place]
     code, out, err = _core.main(line, True, False, False, 100)
     if not out:

@@ -37,6 +37,14 @@ def test_no_time_is_a_status(problem: pathlib.Path) -> None:
     assert nsdc.solve_nl(problem, tolerance=np.float64(1e-9)).ok
 
 
+def test_other_starts_find_the_better_minimum(problem: pathlib.Path) -> None:
+    one, many = (nsdc.solve_nl(problem, starts=starts) for starts in (1, 20))
+    assert abs(many.objective - 1.0) < 1e-8 and one.objective >= many.objective - 1e-12
+    for starts, error in [(0, ValueError), (-3, ValueError), (1.5, TypeError), ("2", TypeError)]:
+        with pytest.raises(error):
+            nsdc.solve_nl(problem, starts=starts)  # type: ignore[arg-type]
+
+
 def test_wrong_arguments_are_named(problem: pathlib.Path, tmp_path: pathlib.Path) -> None:
     for value, error in [("a", TypeError), (True, TypeError), (-1.0, ValueError), (np.nan, ValueError)]:
         for name in ("tolerance", "time_limit"):

@@ -604,7 +604,7 @@ every |min(G, H)| are at most 1e-6. Where a file results.csv with the column `pr
 them, its columns `best_known` and `peer_..` are compared with.
 
 As a solver of AMPL: `option solver nsdc;`, options in `nsdc_options` (tolerance=1e-9 time_limit=60 \
-outlev=0); `nsdc stub -AMPL` reads stub.nl and writes stub.sol.";
+starts=1 outlev=0); `nsdc stub -AMPL` reads stub.nl and writes stub.sol.";
 
 /// Arguments of `solve`.
 #[derive(Debug, Arguments)]
@@ -632,6 +632,9 @@ pub struct SolveArgs {
     /// Stop solving a problem after so many seconds
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub time_limit: Option<Duration>,
+    /// Solve a problem with pairs from so many starts, that of the file first; as many as a small problem has time for without it
+    #[arg(long, value_name = "N")]
+    pub starts: Option<NonZeroUsize>,
     /// Solve so many problems of a folder at once; all cores without it
     #[arg(long, value_name = "N")]
     pub jobs: Option<NonZeroUsize>,

@@ -1,5 +1,6 @@
 //! Options in the way of AMPL: `tolerance=1e-9 time_limit=60`.
 
+use std::num::NonZeroUsize;
 use std::time::Duration;
 
 /// What a run is asked for.
@@ -9,6 +10,8 @@ pub struct Settings {
     pub tolerance: Option<f64>,
     /// The longest time.
     pub time_limit: Option<Duration>,
+    /// From how many starts a problem with pairs is solved; as many as it has time for without it.
+    pub starts: Option<NonZeroUsize>,
     /// Whether the report is left out.
     pub is_quiet: bool,
 }
@@ -17,7 +20,7 @@ pub struct Settings {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum BadOption {
     /// There is no such option.
-    #[error("there is no option `{0}`; there are `tolerance`, `time_limit` and `outlev`")]
+    #[error("there is no option `{0}`; there are `tolerance`, `time_limit`, `starts` and `outlev`")]
     Unknown(String),
     /// Its value is none.
     #[error("`{value}` is no value of the option `{name}`, which is {expected}")]
@@ -53,6 +56,10 @@ impl Settings {
                     let limit = seconds.and_then(|s| Duration::try_from_secs_f64(s).ok());
                     self.time_limit = Some(limit.ok_or(bad("a positive number of seconds"))?);
                 }
+                "starts" => {
+                    let starts = value.parse().map_err(|_| bad("a whole number from 1 on"))?;
+                    self.starts = Some(starts);
+                }
                 "outlev" => {
                     let level: u32 = value.parse().map_err(|_| bad("0 for silence, else 1"))?;
                     self.is_quiet = level == 0;
@@ -80,13 +87,14 @@ mod tests {
     fn options_are_words() {
         let mut settings = Settings::default();
         settings
-            .add("tolerance=1e-9 time_limit 2.5\toutlev = 0")
+            .add("tolerance=1e-9 time_limit 2.5\tstarts=3 outlev = 0")
             .unwrap();
         assert_eq!(
             settings,
             Settings {
                 tolerance: Some(1e-9),
                 time_limit: Some(Duration::from_millis(2500)),
+                starts: NonZeroUsize::new(3),
                 is_quiet: true,
             }
         );
@@ -99,6 +107,7 @@ mod tests {
             "tolerance=2",
             "tolerance",
             "time_limit=-1",
+            "starts=0",
             "outlev=loud",
             "speed=9",
         ] {

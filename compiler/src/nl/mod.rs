@@ -122,7 +122,7 @@ pub fn solve(
     if let Some(tolerance) = settings.tolerance {
         options.tolerance = tolerance;
     }
-    let solution = starts::solve(&mut problem.program, &options, observer);
+    let solution = starts::solve(&mut problem.program, settings.starts, &options, observer);
     let solve_s = clock.elapsed().as_secs_f64();
     let quality = problem.quality(&solution.w);
     let (status, code) = outcome(solution.status);

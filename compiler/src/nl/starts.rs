@@ -1,13 +1,15 @@
 //! Starts beside that of the file: a small problem has time for them, and a local minimum may be the least of several.
 
+use std::num::NonZeroUsize;
+
 use nsd_solver::optimization::kernels::Program;
 use nsd_solver::optimization::mpcc;
 use nsd_solver::optimization::mpcc::{Observer, Options, Solution, Status, Trust};
 use nsd_solver::optimization::problem::{Mpcc, Nlp};
 
-/// How many other starts there are at most.
-const MOST: u64 = 32;
-/// They begin as long as all iterations, times the number of variables and rows, are fewer than this: a second or less.
+/// How many starts there are at most, where it is not said how many.
+const MOST: usize = 32;
+/// They begin then as long as all iterations, times the number of variables and rows, are fewer than this: a second or less.
 const EFFORT: usize = 1_000_000;
 /// Each value of the start is moved by a normal deviate times one of these, by turns.
 const DEVIATIONS: [f64; 4] = [0.3, 1.0, 3.0, 10.0];
@@ -17,6 +19,7 @@ const SAME: f64 = 1e-6;
 /// The best local minimum that is found from the start of a problem and, where pairs make it one of many, from others.
 pub(super) fn solve(
     program: &mut Program,
+    starts: Option<NonZeroUsize>,
     options: &Options,
     observer: &mut dyn Observer,
 ) -> Solution {
@@ -27,13 +30,14 @@ pub(super) fn solve(
     }
     let size = program.n_variables() + program.n_rows();
     let (mut iterations, mut relaxed) = (best.stats.iterations, best.stats.relaxed);
-    for number in 0..MOST {
+    for number in 0..starts.map_or(MOST, NonZeroUsize::get) - 1 {
         let is_over = options.limit.is_over() || matches!(best.status, Status::Unbounded);
-        if is_over || iterations.saturating_mul(size) >= EFFORT {
+        let is_much = starts.is_none() && iterations.saturating_mul(size) >= EFFORT;
+        if is_over || is_much {
             break;
         }
-        let deviation = DEVIATIONS[number as usize / 2 % DEVIATIONS.len()];
-        let moved = mpcc::perturbed(&start, deviation, 1, number);
+        let deviation = DEVIATIONS[number / 2 % DEVIATIONS.len()];
+        let moved = mpcc::perturbed(&start, deviation, 1, number as u64);
         // One way from each: relaxations forget where they start from, so that every second one is in the branch of its start.
         let options = Options {
             trust: match number % 2 {

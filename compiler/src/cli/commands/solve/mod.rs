@@ -100,6 +100,7 @@ fn settings(args: &SolveArgs) -> Result<Settings, nl::BadOption> {
     }
     settings.tolerance = args.tolerance.or(settings.tolerance);
     settings.time_limit = args.time_limit.or(settings.time_limit);
+    settings.starts = args.starts.or(settings.starts);
     settings.is_quiet |= args.log == Log::Off;
     Ok(settings)
 }
