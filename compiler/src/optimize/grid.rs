@@ -10,10 +10,9 @@ use nsd_solver::optimization::mpcc::{Options, Solution, Status, Trust};
 use super::checks::{confirm, simulated};
 use super::problem::Given;
 use super::{Problem, branches};
-use crate::limit::Limit;
 use crate::optimize::problem::size_of_objective;
 use crate::project::watch::Watch;
-use crate::report::{Confirmation, GridTried};
+use crate::report::{Confirmation, FoundBy, GridTried, Way};
 use crate::system::experiment::Discretization;
 
 /// How often a solution is refined and confirmed, where the one leads to another.
@@ -36,23 +35,22 @@ pub(super) fn confirm(
     problem: &mut Problem,
     solution: &mut Solution,
     options: &Options,
-    grids: &mut Vec<GridTried>,
+    (grids, ways): (&mut Vec<GridTried>, &mut Vec<FoundBy>),
     watch: &mut dyn Watch,
 ) -> (Confirmation, Option<f64>) {
-    let limit = &options.limit;
     if !problem.task.discretization.refines {
-        return confirm::confirm(problem, solution, options, limit, watch);
+        return confirm::confirm(problem, solution, options, ways, watch);
     }
-    refine(problem, solution, (options, limit), grids, watch);
-    let mut said = confirm::confirm(problem, solution, options, limit, watch);
+    refine(problem, solution, options, (grids, ways), watch);
+    let mut said = confirm::confirm(problem, solution, options, ways, watch);
     for _ in 1..MOST_ROUNDS {
         // Another solution may ask for another grid.
         let last = grids.last().map(|grid| grid.objective);
         let is_other = last != Some(solution.objective);
-        if !is_other || !refine(problem, solution, (options, limit), grids, watch) {
+        if !is_other || !refine(problem, solution, options, (grids, ways), watch) {
             break;
         }
-        said = confirm::confirm(problem, solution, options, limit, watch);
+        said = confirm::confirm(problem, solution, options, ways, watch);
     }
     said
 }
@@ -62,10 +60,11 @@ pub(super) fn confirm(
 fn refine(
     problem: &mut Problem,
     solution: &mut Solution,
-    (options, limit): (&Options, &Limit),
-    tried: &mut Vec<GridTried>,
+    options: &Options,
+    (tried, ways): (&mut Vec<GridTried>, &mut Vec<FoundBy>),
     watch: &mut dyn Watch,
 ) -> bool {
+    let limit = &options.limit;
     let (mut is_refined, mut lost) = (false, 0);
     loop {
         let grid = &problem.task.discretization;
@@ -100,6 +99,10 @@ fn refine(
         // Simulations do not know of grids.
         finer.runs = std::mem::take(&mut problem.runs);
         (*problem, *solution) = (finer, found);
+        ways.push(FoundBy {
+            way: Way::Grid,
+            objective: solution.objective,
+        });
         is_refined = true;
     }
 }

@@ -35,8 +35,8 @@ use crate::lowering::mpcc::Mpcc;
 use crate::project::clock::Instant;
 use crate::project::watch::{Counted, Watch};
 use crate::report::{
-    Certificate, Confirmation, Failure, Kind, Method, Optimum, Seconds, Stationarity, Stats,
-    Status, Trajectory, Warning,
+    Certificate, Confirmation, Failure, FoundBy, Kind, Method, Optimum, Seconds, Stationarity,
+    Stats, Status, Trajectory, Warning, Way,
 };
 use crate::simulate::{self, Request};
 use crate::system::System;
@@ -162,9 +162,13 @@ impl<'e> Problem<'e> {
             true => branches::settle(self, &mut solution, options, limit, watch),
             false => None,
         };
-        let mut grids = Vec::new();
+        let first = FoundBy {
+            way: Way::Relaxation,
+            objective: solution.objective,
+        };
+        let (mut grids, mut ways) = (Vec::new(), vec![first]);
         let (confirmation, elsewhere) = match solution.is_feasible() && in_other_mode.is_none() {
-            true => grid::confirm(self, &mut solution, options, &mut grids, watch),
+            true => grid::confirm(self, &mut solution, options, (&mut grids, &mut ways), watch),
             false => (Confirmation::None, None),
         };
         let seconds = (started.elapsed() - built).as_secs_f64();
@@ -194,6 +198,7 @@ impl<'e> Problem<'e> {
             branches: solution.others,
             confirmation,
             grids,
+            ways,
             ..Optimum::default()
         });
         trajectory.quality.stats.solve_s = seconds;

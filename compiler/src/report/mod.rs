@@ -33,7 +33,9 @@ pub use dense::{Dense, Piece};
 pub use event::{Event, EventKind, SlidingMode};
 pub use failure::Failure;
 pub use modes::ModeTexts;
-pub use optimum::{Check, Confirmation, Constraint, GridTried, Optimum, Seconds, Term, Values};
+pub use optimum::{
+    Check, Confirmation, Constraint, FoundBy, GridTried, Optimum, Seconds, Term, Values, Way,
+};
 pub(crate) use rows::{Course, curve};
 pub use rows::{Rows, curve::refine};
 pub use several::{

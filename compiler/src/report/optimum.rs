@@ -22,6 +22,8 @@ pub struct Optimum {
     pub confirmation: Confirmation,
     /// The grids that it was solved on, from coarse to fine, where it looked for one that is fine enough.
     pub grids: Vec<GridTried>,
+    /// What it was found by: the relaxation of a start first, then each way that led to a better point.
+    pub ways: Vec<FoundBy>,
     /// Entries of the largest triangular factor: what memory and the time of an iteration grow with.
     pub factor_entries: usize,
     /// What a simulation with the controls that were found says, where it reached the end.
@@ -58,6 +60,47 @@ pub struct GridTried {
     /// By how much a simulation with its controls differs at the end, or in the objective where that is more; not finite
     /// where it does not reach the end.
     pub error: f64,
+}
+
+/// A point on the way to an optimum.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct FoundBy {
+    /// What led to it.
+    pub way: Way,
+    /// Its objective.
+    pub objective: f64,
+}
+
+/// What leads to points.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Way {
+    /// A relaxation of the program that falls, from a start.
+    Relaxation,
+    /// Descent in simulations with controls nearby.
+    Descent,
+    /// Other values of finite sets.
+    Values,
+    /// Simulations with controls all over their ranges.
+    Elsewhere,
+    /// Another sequence of events.
+    Sequence,
+    /// A finer grid.
+    Grid,
+}
+
+impl Way {
+    /// The words of the report.
+    pub fn words(self) -> &'static str {
+        match self {
+            Way::Relaxation => "a relaxation",
+            Way::Descent => "descent in simulations",
+            Way::Values => "other values of finite sets",
+            Way::Elsewhere => "simulations far away",
+            Way::Sequence => "another sequence of events",
+            Way::Grid => "a finer grid",
+        }
+    }
 }
 
 /// What an optimum consists of.

@@ -17,7 +17,7 @@ use crate::optimize::Problem;
 use crate::optimize::problem::size_of_objective;
 use crate::optimize::start::reference;
 use crate::project::watch::Watch;
-use crate::report::Confirmation;
+use crate::report::{self, Confirmation, Way};
 
 /// How often a program is solved again.
 const MAX_ROUNDS: usize = 10;
@@ -58,6 +58,16 @@ enum Look {
 }
 
 impl Look {
+    /// What a point that it shows is found by.
+    fn way(self) -> Way {
+        match self {
+            Look::Around(_) => Way::Descent,
+            Look::Choices => Way::Values,
+            Look::Elsewhere => Way::Elsewhere,
+            Look::Through => Way::Sequence,
+        }
+    }
+
     /// What is said of a solution where it shows nothing, if it has to.
     fn unknown(self) -> Option<Confirmation> {
         match self {
@@ -75,6 +85,8 @@ struct Better {
     cost: f64,
     /// By how much the objective falls per size of a free quantity.
     rate: f64,
+    /// What they are found by.
+    way: Way,
     /// Whether it falls to first order.
     is_descent: bool,
     /// How many iterations may be spent on points that are not better.
@@ -89,9 +101,10 @@ pub(crate) fn confirm(
     problem: &mut Problem,
     solution: &mut Solution,
     options: &Options,
-    limit: &Limit,
+    ways: &mut Vec<report::FoundBy>,
     watch: &mut dyn Watch,
 ) -> (Confirmation, Option<f64>) {
+    let limit = &options.limit;
     let mut rounds = 0..MAX_ROUNDS;
     let (mut looks, mut unfollowed) = (&LOOKS[..], None);
     loop {
@@ -115,7 +128,7 @@ pub(crate) fn confirm(
             })
         });
         if let Some(found) = found {
-            take(solution, found);
+            ways.push(take(solution, found, better.way));
             (looks, unfollowed) = (&LOOKS[..], None);
             continue;
         }
@@ -128,7 +141,7 @@ pub(crate) fn confirm(
                 from(problem, point, options, limit, watch).filter(is_better)
             });
             match beyond {
-                Ok(found) => take(solution, found),
+                Ok(found) => ways.push(take(solution, found, Way::Descent)),
                 // No farther than the program and simulations are apart, it does not count.
                 Err(least) if cost - least <= (cost - solution.objective).abs() => {
                     return (Confirmation::Differs, None);
@@ -149,11 +162,15 @@ pub(crate) fn confirm(
     }
 }
 
-/// Replaces a solution by a better one.
-fn take(solution: &mut Solution, found: Solution) {
+/// Replaces a solution by a better one that was found so.
+fn take(solution: &mut Solution, found: Solution, way: Way) -> report::FoundBy {
     let iterations = solution.stats.iterations;
     *solution = found;
     solution.stats.iterations += iterations;
+    report::FoundBy {
+        way,
+        objective: solution.objective,
+    }
 }
 
 /// A solution on the way that descent takes in simulations, to which the program has no way of its own: in between, an
@@ -303,6 +320,7 @@ fn look(
                     points,
                     cost: base.as_ref().map_or(solution.objective, |base| base.cost),
                     rate,
+                    way: look.way(),
                     is_descent: is_first_order,
                     patience: match look {
                         Look::Through => solution.stats.iterations,

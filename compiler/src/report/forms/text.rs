@@ -540,6 +540,17 @@ fn optimum(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
             "  the certificate is that of the program alone: {reason}"
         )?;
     }
+    if optimum.ways.len() > 1 {
+        // Of several points in a row that one way led to, the last one.
+        let groups = optimum.ways.chunk_by(|a, b| a.way == b.way);
+        let last = groups.filter_map(|group| group.last());
+        let told = last.map(|found| {
+            let objective = significant(found.objective, 9);
+            format!("{} ({objective})", found.way.words())
+        });
+        let told: Vec<String> = told.collect();
+        writeln!(text, "  found by {}", told.join(", then "))?;
+    }
     for tried in &optimum.grids {
         let GridTried {
             elements,
