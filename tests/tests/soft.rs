@@ -253,3 +253,70 @@ fn what_is_no_soft_row_and_no_pair_is_told() {
         ["E0925"]
     );
 }
+
+#[test]
+fn kinks_of_terms_are_those_of_their_sum() {
+    // What cancels, and what is concave in one term of a sum that is not, does not come apart; alike kinks are one.
+    let e = effort();
+    for (cost, weight, terms) in [
+        ("abs(final(x) - 1) - 0.5*abs(final(x) - 1)", 0.5, 0),
+        ("abs(final(x) - 1) - abs(final(x) - 1)", 0.0, 0),
+        (
+            "max(final(x), 1) - final(x) + 3*max(1 - final(x), 0)",
+            4.0,
+            4,
+        ),
+    ] {
+        let task =
+            format!("horizon 1; intervals 10; minimize integral(u^2) + {cost}; final {{ v = 0; }}");
+        let found = best(CART, &task);
+        let d = weight / (2.0 * e);
+        assert_near(
+            &[objective(&found)],
+            &[e * d * d + weight * (1.0 - d)],
+            1e-8,
+        );
+        let told = &found
+            .optimum
+            .as_ref()
+            .expect("it is an optimum")
+            .values
+            .terms;
+        assert_eq!(told.len(), terms, "{cost}: {told:?}");
+        let sum: f64 = told.iter().map(|term| term.value).sum();
+        assert!(
+            told.is_empty() || (sum - objective(&found)).abs() < 1e-8,
+            "{cost}: {told:?}"
+        );
+    }
+}
+
+#[test]
+fn weights_that_are_chosen_are_not_negative() {
+    let model =
+        "model m { param w in [-1, 10] = 3; state x = 0; control u in [-9, 9] = 0; x' = u; }";
+    // Nothing is cheaper than a weight of zero.
+    let task = "horizon 1; intervals 2; free { w; } minimize integral(u^2); final { x = 1; } soft l1 weight w;";
+    assert_near(&[objective(&best(model, task))], &[0.0], 1e-6);
+}
+
+#[test]
+fn infinite_bounds_are_none_or_never_hold() {
+    for (rows, least) in [
+        ("final { x <= inf; v >= -inf; }", 0.0),
+        ("final { -inf <= x <= inf; x = 0.1; }", 0.0),
+        ("final { x <= inf; } soft l1 weight 2;", 0.0),
+        ("final { -inf <= x <= inf; } soft squared weight 2;", 0.0),
+    ] {
+        let task =
+            format!("horizon 1; intervals 4; minimize integral(u^2) + final((v - v)^2); {rows}");
+        let found = best(CART, &task);
+        assert!(objective(&found) >= least - 1e-9, "{rows}");
+    }
+    for rows in ["x = inf", "x >= inf", "x <= -inf", "inf <= x <= inf"] {
+        let text = format!(
+            "{CART} optimize o of m {{ horizon 1; minimize integral(u^2); final {{ {rows}; }} }}"
+        );
+        assert_eq!(codes(&text), ["E0518"], "{rows}");
+    }
+}

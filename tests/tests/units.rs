@@ -177,3 +177,43 @@ fn optima_in_random_units_are_those_of_one() {
     }
     assert!(n_solved >= count - 1, "{n_solved} of {count} are solved");
 }
+
+/// From rest to rest over 1/10 in a unit of time at least ∫ u²: 12 d² / (1 - 1/N²) with N controls, however far away the
+/// bounds are.
+#[test]
+fn bounds_that_are_not_reached_are_no_sizes() {
+    for bound in ["1e2", "1e3", "3e3", "1e4", "1e6", "1e8", "1e12"] {
+        for scheme in ["radau_iia(3)", "gauss(2)", "lobatto_iiia(3)"] {
+            for rows in [
+                "final { x = 0.1; v = 0; }",
+                "final { x = 0.1; v = 0; } soft l1 weight 1e3;",
+                "final { 2*x = 0.2; v <= 0; v >= 0; }",
+            ] {
+                let text = format!(
+                    "model m {{ state x = 0; state v = 0; control u in [-{bound}, {bound}] = 0; x' = v; v' = u; }}
+                     optimize o of m {{ horizon 1; intervals 10; scheme {scheme}; minimize integral(u^2); {rows} }}"
+                );
+                let found = optimum(&text, "o");
+                assert_eq!(
+                    found.status,
+                    Status::Solved,
+                    "{bound} {scheme} {rows}: {:?}",
+                    found.failure
+                );
+                let objective = found.objective.expect("an optimum has one");
+                let least = 0.12 / 0.99;
+                assert!(
+                    (objective / least - 1.0).abs() < 1e-7,
+                    "{bound} {scheme} {rows}: {objective}"
+                );
+            }
+        }
+        // What nothing satisfies is not satisfied in units of any size.
+        let text = format!(
+            "model m {{ state x = 0; control u in [-{bound}, {bound}] = 0; x' = u; }}
+             optimize o of m {{ horizon 1; intervals 4; minimize integral(u^2); final {{ x = 1; 2*x = 3; }} }}"
+        );
+        let found = optimum(&text, "o");
+        assert_eq!(found.status, Status::LocallyInfeasible, "{bound}");
+    }
+}

@@ -241,10 +241,8 @@ fn terms(problem: &Problem, w: &[f64]) -> Vec<Term> {
             value: value(blocks) + soft.sum::<f64>(),
         }
     });
-    let of_terms = task.cost.terms.iter().flat_map(|term| &term.soft);
-    let of_terms: Vec<usize> = of_terms.map(|(row, _)| *row).collect();
     let rows = task.rows.iter().enumerate();
-    let others = rows.filter(|(number, _)| !of_terms.contains(number));
+    let others = rows.filter(|(_, row)| !row.name.is_empty());
     let others = others.filter_map(|(number, row)| {
         Some(Term {
             text: format!("soft {row}"),

@@ -2,12 +2,12 @@
 
 use miette::LabeledSpan;
 use nsd_solver::optimization::mpcc::{Class, Solution, Status};
-use nsd_solver::optimization::problem::{Mpcc, Nlp, Pair, Side};
+use nsd_solver::optimization::problem::{Mpcc, Nlp, Side};
 
 use super::Problem;
 use crate::diagnostics::counted;
 use crate::lowering::discretize::DiscretizeError;
-use crate::lowering::mpcc::Source;
+use crate::lowering::mpcc::{Origin, Source};
 use crate::report::{Failure, Stationarity};
 use crate::source::Span;
 use crate::system::experiment::Settings;
@@ -124,7 +124,11 @@ fn not_finite(problem: &mut Problem, w: &[f64]) -> Vec<LabeledSpan> {
 
 /// The statement that a row is made of; none where it is one of the grid.
 fn line(problem: &Problem, row: usize) -> Option<Span> {
-    match problem.mpcc.origin(&problem.program, row)?.source {
+    span_of(&problem.mpcc.origin(&problem.program, row)?)
+}
+
+fn span_of(origin: &Origin) -> Option<Span> {
+    match origin.source {
         Source::Dcs(origin) => Some(origin.span),
         Source::Task(span) => Some(span),
         Source::Grid => None,
@@ -154,13 +158,7 @@ fn weak(problem: &Problem, solution: &Solution) -> Failure {
     let wrong: Vec<usize> = (solution.biactive.iter().copied())
         .filter(is_wrong)
         .collect();
-    let statement = |&pair: &usize| {
-        let Pair { a, b } = problem.program.pairs()[pair];
-        [a, b].into_iter().find_map(|side| match side {
-            Side::Row(row) => line(problem, row as usize),
-            Side::Variable(_) => None,
-        })
-    };
+    let statement = |&pair: &usize| span_of(&problem.mpcc.origin_of_pair(pair)?);
     let mut spans: Vec<Span> = Vec::new();
     for span in wrong.iter().filter_map(statement) {
         if !spans.contains(&span) {
@@ -206,11 +204,26 @@ fn lines(problem: &mut Problem, w: &[f64]) -> Vec<LabeledSpan> {
     problem.program.rows(w, &mut values);
     let bounds = problem.program.row_bounds();
     let mut found: Vec<(Span, f64, usize)> = Vec::new();
-    for (row, &value) in values.iter().enumerate() {
+    let missed = values.iter().enumerate().map(|(row, &value)| {
         let violation = (bounds.lower[row] - value).max(value - bounds.upper[row]);
-        let Some(span) = line(problem, row).filter(|_| violation > 0.0) else {
-            continue;
-        };
+        (line(problem, row), violation)
+    });
+    // Of a pair the smaller member is zero.
+    let pairs = problem.program.pairs().iter().enumerate();
+    let pairs = pairs.map(|(number, pair)| {
+        let [a, b] = [pair.a, pair.b].map(|side| match side {
+            Side::Row(row) => values[row as usize],
+            Side::Variable(variable) => w[variable as usize],
+        });
+        let origin = problem.mpcc.origin_of_pair(number);
+        let span = origin.and_then(|origin| span_of(&origin));
+        (span, a.min(b).abs())
+    });
+    let missed = missed
+        .chain(pairs)
+        .filter(|(_, violation)| *violation > 0.0);
+    for (span, violation) in missed {
+        let Some(span) = span else { continue };
         match found.iter_mut().find(|(known, ..)| *known == span) {
             Some((_, most, count)) => {
                 *most = most.max(violation);

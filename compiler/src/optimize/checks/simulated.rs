@@ -153,7 +153,7 @@ fn penalty(problem: &Problem, w: &[f64], limit: &Limit) -> f64 {
         return 0.0;
     }
     let values = Reduced::new(problem, w, limit).and_then(|mut reduced| reduced.at(w));
-    values.map_or(f64::NAN, |values| values.penalty)
+    values.map_or(f64::INFINITY, |values| values.penalty)
 }
 
 /// The cost for states, integrals among them, at the end.

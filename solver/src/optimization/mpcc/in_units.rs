@@ -14,6 +14,7 @@ pub(super) fn solution(mut scaled: Scaled<'_>, sizes: &Sizes, found: Solution) -
         variables,
         rows,
         objective,
+        ..
     } = sizes;
     let in_units = |z: Vec<f64>| -> Vec<f64> {
         let places = z.into_iter().zip(variables);

@@ -112,8 +112,7 @@ pub fn solve_observed(
     };
     assert!(sizes.fit(problem), "sizes are those of the problem");
     let found = solve_scaled(problem, start, options, sizes, observer);
-    // Where the objective turns out to be much smaller than it was taken for, tolerances have been too large; what cannot be
-    // followed to smaller ones stays.
+    // Where what was reached is much smaller than it was taken for, tolerances have been too large.
     let smaller = sizes.at(problem, &found.w).filter(|_| found.is_feasible());
     let Some(sizes) = smaller else {
         return found;
@@ -131,13 +130,33 @@ pub fn solve_observed(
     finer.stats.iterations += found.stats.iterations;
     finer.stats.seconds += found.stats.seconds;
     let is_kept = finer.status == Status::Solved || found.status != Status::Solved;
-    match finer.is_feasible() && is_kept {
-        true => finer,
-        false => Solution {
+    if finer.is_feasible() && is_kept {
+        return finer;
+    }
+    let residuals = residuals(problem, &found.w, &sizes);
+    match residuals.violation.max(residuals.complementarity) <= options.feasibility {
+        // Feasible to smaller tolerances, and not known to be stationary to them.
+        true => Solution {
+            status: match found.status {
+                Status::Solved => Status::Feasible,
+                status => status,
+            },
+            class: Class::None,
+            residuals,
             stats: finer.stats,
             ..found
         },
+        false => finer,
     }
+}
+
+/// Those of a point in units of these sizes.
+fn residuals(problem: &mut dyn Mpcc, w: &[f64], sizes: &Sizes) -> Residuals {
+    let mut scaled = Scaled::new(problem, sizes);
+    let w = scaled.scaled(w);
+    let mut lifted = Lifted::new(&mut scaled);
+    let w = lifted.extend(&w);
+    Residuals::new(&mut lifted, &w)
 }
 
 /// Finds a local minimum from a point, in units of these sizes.

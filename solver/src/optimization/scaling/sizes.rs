@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 
-use super::nearest;
+use super::{nearest, offsets};
 use crate::optimization::problem::{Bounds, Member, Mpcc};
 use crate::runtime::random;
 
@@ -37,6 +37,8 @@ const ROUNDING: f64 = -45.0;
 /// D, R and s: the sizes of the variables, of the rows and of the objective, powers of two.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sizes {
+    /// The quantity that every variable is a value of, which has one size.
+    pub quantities: Vec<usize>,
     /// Of the variables.
     pub variables: Vec<f64>,
     /// Of the rows.
@@ -72,7 +74,7 @@ struct Balance<'n> {
     entries: BTreeMap<(usize, usize), Slopes>,
     /// The largest constant in rows of a class.
     constants: BTreeMap<usize, f64>,
-    known: Vec<Vec<f64>>,
+    known: Vec<Known>,
     /// log₂ d.
     sizes: Vec<f64>,
     /// -log₂ r.
@@ -96,20 +98,69 @@ impl Sizes {
         self.variables.len() == problem.n_variables() && self.rows.len() == problem.n_rows()
     }
 
-    /// These with the objective's size at a point, where it was scaled and is much smaller there: what its slopes make of the
-    /// values of the variables.
+    /// Those that a point has reached, where it was to be far larger than it is: at least 1. Of the objective, what its slopes
+    /// make of the values of the variables.
     pub fn at(&self, problem: &mut dyn Mpcc, w: &[f64]) -> Option<Sizes> {
+        let variables = self.variables_at(problem, w);
+        let rows = self.rows_at(problem, w, &variables);
+        let objective = self.objective_at(problem, w);
+        let reached = Sizes {
+            quantities: self.quantities.clone(),
+            variables,
+            rows,
+            objective,
+        };
+        (reached != *self).then_some(reached)
+    }
+
+    /// A large size at a value that is smaller.
+    fn reached(size: f64, value: f64) -> f64 {
+        let smaller = log(value).map_or(1.0, |log| power(log, ONE));
+        match size > 1.0 {
+            true => smaller.clamp(1.0, size),
+            false => size,
+        }
+    }
+
+    fn variables_at(&self, problem: &dyn Mpcc, w: &[f64]) -> Vec<f64> {
+        let offsets = offsets(problem.variable_bounds());
+        let mut largest = vec![0.0_f64; self.quantities.iter().max().map_or(0, |last| last + 1)];
+        for ((&quantity, w), offset) in self.quantities.iter().zip(w).zip(&offsets) {
+            largest[quantity] = largest[quantity].max((w - offset).abs());
+        }
+        let places = self.quantities.iter().zip(&self.variables);
+        places
+            .map(|(&quantity, &size)| Self::reached(size, largest[quantity]))
+            .collect()
+    }
+
+    fn rows_at(&self, problem: &mut dyn Mpcc, w: &[f64], variables: &[f64]) -> Vec<f64> {
+        let mut entries = vec![0.0; problem.jacobian_pattern().n_entries()];
+        problem.jacobian(w, &mut entries);
+        let pattern = problem.jacobian_pattern();
+        let of_row = |(row, &size): (usize, &f64)| {
+            let places = pattern.starts[row]..pattern.starts[row + 1];
+            let terms = pattern.row(row).iter().zip(&entries[places]);
+            let terms = terms.map(|(&column, a)| a.abs() * variables[column as usize]);
+            Self::reached(size, terms.fold(0.0, f64::max))
+        };
+        self.rows.iter().enumerate().map(of_row).collect()
+    }
+
+    fn objective_at(&self, problem: &mut dyn Mpcc, w: &[f64]) -> f64 {
         let mut gradient = vec![0.0; w.len()];
         problem.gradient(w, &mut gradient);
         let terms = gradient.iter().zip(w).map(|(slope, w)| (slope * w).abs());
-        let log = log(terms.fold(0.0, f64::max))?;
+        let Some(log) = log(terms.fold(0.0, f64::max)) else {
+            return self.objective;
+        };
         let fall = self.objective.log2() - log;
         let is_smaller =
             self.objective != 1.0 && (0.5 * PREFIX..MOST_PREFIXES * PREFIX).contains(&fall);
-        is_smaller.then(|| Sizes {
-            objective: power(log, ONE_OBJECTIVE),
-            ..self.clone()
-        })
+        match is_smaller {
+            true => power(log, ONE_OBJECTIVE),
+            false => self.objective,
+        }
     }
 
     fn balanced(problem: &mut dyn Mpcc, quantities: &[usize], start: &[f64]) -> Self {
@@ -250,9 +301,11 @@ impl<'n> Balance<'n> {
             for (row, (sum, weight)) in self.rows.iter_mut().zip(rows) {
                 *row = sum / weight.max(1.0);
             }
-            let of_known = self.known.iter().map(|known| {
-                let sum: f64 = known.iter().sum();
-                (KNOWN * sum, KNOWN * known.len() as f64 + UNKNOWN)
+            let of_known = self.known.iter().zip(&self.sizes).map(|(known, &size)| {
+                let (sum, count) = known
+                    .of(size)
+                    .fold((0.0, 0.0), |(sum, count), log| (sum + log, count + 1.0));
+                (KNOWN * sum, KNOWN * count + UNKNOWN)
             });
             let mut sizes: Vec<(f64, f64)> = of_known.collect();
             for entry in &entries {
@@ -303,6 +356,7 @@ impl<'n> Balance<'n> {
         let are_ones = constants.all(|log| power(log, ONE) == 1.0)
             && known.all(|(&log, known)| known.is_empty() || power(log, ONE) == 1.0);
         are_ones.then(|| Sizes {
+            quantities: self.quantities.to_vec(),
             variables: vec![1.0; self.quantities.len()],
             rows: vec![1.0; self.classes.len() - 1],
             objective: objective.map_or(1.0, |log| power(log, ONE_OBJECTIVE)),
@@ -330,10 +384,32 @@ impl<'n> Balance<'n> {
         };
         let (_, of_rows) = self.classes.split_last().expect("the objective");
         Sizes {
+            quantities: self.quantities.to_vec(),
             variables: self.quantities.iter().map(|&q| sizes[q]).collect(),
             rows: of_rows.iter().map(|&class| row(class)).collect(),
             objective: objective.map_or(1.0, |log| power(log, ONE_OBJECTIVE)),
         }
+    }
+}
+
+/// What is known of the size of a quantity, in logarithms.
+#[derive(Clone, Debug, Default)]
+struct Known {
+    /// Of values that are given, and of guesses.
+    sizes: Vec<f64>,
+    /// Of bounds: it is no larger.
+    most: Option<f64>,
+}
+
+impl Known {
+    fn is_empty(&self) -> bool {
+        self.sizes.is_empty() && self.most.is_none()
+    }
+
+    /// Those that say something of a size that is thought to be so.
+    fn of(&self, log: f64) -> impl Iterator<Item = f64> {
+        let most = self.most.filter(|most| log >= *most);
+        self.sizes.iter().copied().chain(most)
     }
 }
 
@@ -344,7 +420,7 @@ fn known(
     quantities: &[usize],
     start: &[f64],
     n: usize,
-) -> (Vec<f64>, Vec<Vec<f64>>) {
+) -> (Vec<f64>, Vec<Known>) {
     let mut ranges = vec![[f64::INFINITY, f64::NEG_INFINITY]; n];
     for (i, &quantity) in quantities.iter().enumerate() {
         let [lower, upper] = &mut ranges[quantity];
@@ -375,9 +451,12 @@ fn known(
             keep(2, start[i]);
         }
     }
-    let known = largest.iter().map(|kinds| {
-        let logs = kinds.iter().filter_map(|&size| log_of_given(size));
-        logs.collect()
+    let known = largest.iter().map(|&[given, most, guess]| Known {
+        sizes: [given, guess]
+            .into_iter()
+            .filter_map(log_of_given)
+            .collect(),
+        most: log_of_given(most),
     });
     (offsets, known.collect())
 }

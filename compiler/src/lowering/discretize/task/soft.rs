@@ -8,7 +8,7 @@
 //! A weight of l1 that is above the multiplier of the constraint makes it hold exactly (Han & Mangasarian 1979).
 
 use super::points::{Points, stated};
-use crate::expr::Expr;
+use crate::expr::{Expr, Node};
 use crate::lowering::discretize::DiscretizeError;
 use crate::lowering::discretize::formals::block::Builder;
 use crate::lowering::mpcc::{Bounds, Kind, Mpcc, Slack, Source};
@@ -70,6 +70,14 @@ impl<'e> Points<'_, 'e> {
     }
 }
 
+/// As a factor is written.
+fn factor(e: Expr<'_>) -> String {
+    match e.node() {
+        Node::Sum { .. } => format!("({e})"),
+        _ => e.to_string(),
+    }
+}
+
 impl<'s, 'e> Soft<'s, 'e> {
     fn new(row: &'s TaskRow<'e>, penalty: Penalty<'e>, number: usize) -> Self {
         let below = (format!("below{number}"), -1);
@@ -123,7 +131,7 @@ impl<'s, 'e> Soft<'s, 'e> {
             Norm::L1 => exprs.sum(s),
             Norm::Squared => s[0].powi(2),
         };
-        let text = format!("{}*{missed}", self.penalty.weight);
+        let text = format!("{}*{}", factor(self.penalty.weight), factor(missed));
         let sources = vec![Source::Task(self.row.span)];
         let cost = vec![weight * length * missed];
         block.state(mpcc, Kind::Objective, cost, sources, text);

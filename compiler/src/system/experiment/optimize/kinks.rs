@@ -3,7 +3,7 @@
 //! c |e| is c times what 0 = e is missed by, c max(a, b) = c b + c max(a - b, 0), and -c min(a, b) = -c b + c max(b - a, 0),
 //! for c > 0: a program has slacks for them, and no switch that it would have to follow over the whole horizon.
 
-use super::{At, Cost, Holds, Norm, Penalty, Row};
+use super::{At, Cost, Holds, Norm, Penalty, Row, Term};
 use crate::expr::{BinaryFunction, Expr, Function, Node, rewrite};
 
 /// `weight` times what lower <= value <= 0 is missed by.
@@ -13,12 +13,19 @@ struct Kink<'e> {
     lower: f64,
 }
 
+impl Kink<'_> {
+    /// Whether another one is a multiple of it.
+    fn is_like(&self, other: &Self) -> bool {
+        self.value == other.value && self.lower == other.lower
+    }
+}
+
 /// An objective without its convex kinks, which become rows behind those that are there.
 pub(super) fn soften<'e>(cost: &Cost<'e>, rows: &mut Vec<Row<'e>>) -> Cost<'e> {
     let first = rows.len();
     let (value, kinks) = split(cost.value);
     rows.extend(kinks.iter().map(|kink| Row {
-        name: kink.value.to_string(),
+        name: String::new(),
         value: kink.value,
         lower: kink.lower,
         upper: 0.0,
@@ -29,21 +36,32 @@ pub(super) fn soften<'e>(cost: &Cost<'e>, rows: &mut Vec<Row<'e>>) -> Cost<'e> {
         }),
         span: cost.span,
     }));
-    let mut smooth = Cost {
+    let smooth = Cost {
         value,
         ..cost.clone()
     };
-    for term in &mut smooth.terms {
+    let share = |kink: &Kink<'e>| {
+        let place = kinks.iter().position(|other| other.is_like(kink))?;
+        Some((first + place, kink.weight / kinks[place].weight))
+    };
+    let left = kinks_in(smooth.value);
+    let apart = |term: &Term<'e>| {
         let (value, own) = split(term.value);
-        term.value = value;
-        let share = |kink: &Kink<'e>| {
-            let is_same = |other: &Kink<'e>| other.value == kink.value && other.lower == kink.lower;
-            let place = kinks.iter().position(is_same)?;
-            Some((first + place, kink.weight / kinks[place].weight))
-        };
-        term.soft = own.iter().filter_map(share).collect();
+        let soft = own.iter().map(share).collect::<Option<_>>()?;
+        // What is concave in a term, and not in the sum, has no switch.
+        let mut kinks = kinks_in(value).into_iter();
+        kinks.all(|kink| left.contains(&kink)).then(|| Term {
+            text: term.text.clone(),
+            value,
+            soft,
+        })
+    };
+    let terms = cost.terms.iter().map(apart).collect::<Option<_>>();
+    Cost {
+        // Terms whose kinks are others than those of the sum do not come apart.
+        terms: terms.unwrap_or_default(),
+        ..smooth
     }
-    smooth
 }
 
 /// A sum without its convex kinks, and these.
@@ -65,14 +83,21 @@ fn split<'e>(sum: Expr<'e>) -> (Expr<'e>, Vec<Kink<'e>>) {
             }
             _ => None,
         };
-        match found.filter(|(_, value, _)| is_smooth(*value)) {
+        match found.filter(|(_, value, _)| kinks_in(*value).is_empty()) {
             Some((smooth, value, lower)) => {
                 rest.push(smooth);
-                kinks.push(Kink {
+                let kink = Kink {
                     weight: c.abs(),
                     value,
                     lower,
-                });
+                };
+                match kinks
+                    .iter_mut()
+                    .find(|known: &&mut Kink| known.is_like(&kink))
+                {
+                    Some(known) => known.weight += kink.weight,
+                    None => kinks.push(kink),
+                }
             }
             None => rest.push(c * term),
         }
@@ -80,11 +105,14 @@ fn split<'e>(sum: Expr<'e>) -> (Expr<'e>, Vec<Kink<'e>>) {
     (exprs.sum(rest), kinks)
 }
 
-fn is_smooth(e: Expr<'_>) -> bool {
-    let mut smooth = true;
+/// The nonsmooth functions in an expression.
+fn kinks_in(e: Expr<'_>) -> Vec<Expr<'_>> {
+    let mut found = Vec::new();
     rewrite(e, &mut |node| {
-        smooth &= !node.node().is_nonsmooth();
+        if node.node().is_nonsmooth() {
+            found.push(node);
+        }
         node
     });
-    smooth
+    found
 }

@@ -244,7 +244,7 @@ impl<'e> Holds<'e> {
 /// lower <= value <= upper at some instants.
 #[derive(Clone, Debug)]
 pub struct Row<'e> {
-    /// The value in the names of the model.
+    /// The value in the names of the model; empty for what is a part of the cost.
     pub name: String,
     /// In the variables of the model and of integrals.
     pub value: Expr<'e>,

@@ -42,7 +42,12 @@ impl<'e> Reader<'_, 'e> {
                     None => rows.push(row),
                 }
             }
-            if let Some(row) = rows[first..].iter().find(|row| row.lower > row.upper) {
+            let is_bound = |row: &Row| row.lower.is_finite() || row.upper.is_finite();
+            let own = rows.split_off(first);
+            let asks = |row: &Row| is_bound(row) || row.lower >= row.upper;
+            rows.extend(own.into_iter().filter(asks));
+            let is_empty = |row: &&Row| row.lower > row.upper || !is_bound(row);
+            if let Some(row) = rows[first..].iter().find(is_empty) {
                 let (lower, upper) = (row.lower, row.upper);
                 self.error(ExperimentError::NeverHolds {
                     why: format!("it asks for {lower} <= {upper}"),
@@ -85,8 +90,8 @@ impl<'e> Reader<'_, 'e> {
             })
         };
         match (number(left), number(right)) {
-            (None, Some(right)) => row(left, lower + right, upper + right),
-            (Some(left), None) => row(right, left - upper, left - lower),
+            (None, Some(right)) => row(left, beside(right, lower), beside(right, upper)),
+            (Some(left), None) => row(right, beside(left, -upper), beside(left, -lower)),
             (None, None) => row(left - right, lower, upper),
             (Some(left), Some(right)) => {
                 let holds = (lower..=upper).contains(&(left - right));
@@ -99,6 +104,14 @@ impl<'e> Reader<'_, 'e> {
                 None
             }
         }
+    }
+}
+
+/// number + bound, where an infinite bound is none whatever the number is.
+fn beside(number: f64, bound: f64) -> f64 {
+    match bound.is_finite() {
+        true => number + bound,
+        false => bound,
     }
 }
 

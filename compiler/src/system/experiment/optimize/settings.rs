@@ -291,6 +291,12 @@ impl<'m, 'e> Draft<'m, 'e> {
         soft: Option<&syntax::Soft>,
     ) {
         let penalty = soft.map(|soft| penalty(reader, soft));
+        if let (Some(soft), Some(Some(Penalty { weight, .. }))) = (soft, penalty)
+            && reader.values.free.first_in(&[weight]).is_some()
+        {
+            let members = vec![weight.exprs().constant(0.0), weight];
+            self.relate(At::Start, members, Relation::LessEqual, soft.weight.span);
+        }
         let found = reader.comparisons(&self.words, rows, at);
         let found = found.into_iter().map(|(at, comparison)| Constraint {
             at,
