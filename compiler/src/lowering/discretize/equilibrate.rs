@@ -61,9 +61,8 @@ fn equal<'e>(formals: &Formals<'_, 'e>, mpcc: &mut Mpcc<'e>) {
     }
     let h = mpcc.exprs.variables("h", 2);
     let ranges = [layout.each_step(), Span::new("j", 1, layout.elements - 1)];
-    let block = Builder::new("equal", ranges)
-        .variable(h[0], |[k, j]| layout.h(k, j))
-        .variable(h[1], |[k, j]| layout.h(k, j + 1));
+    // Elements of a step stand one after the other.
+    let block = Builder::new("equal", ranges).vector(&h, |[k, j]| layout.h(k, j));
     let (row, text) = (vec![h[1] - h[0]], "0 = h[k,j+1] - h[k,j]");
     block.state(mpcc, Kind::Equation, row, vec![Source::Grid], text);
 }
