@@ -397,7 +397,7 @@ impl<'n> Balance<'n> {
 struct Known {
     /// Of values that are given, and of guesses.
     sizes: Vec<f64>,
-    /// Of bounds: it is no larger.
+    /// Of bounds: it is no larger. Far away ones are often reached by nothing.
     most: Option<f64>,
 }
 
@@ -408,7 +408,7 @@ impl Known {
 
     /// Those that say something of a size that is thought to be so.
     fn of(&self, log: f64) -> impl Iterator<Item = f64> {
-        let most = self.most.filter(|most| log >= *most);
+        let most = self.most.filter(|&most| most <= ONE[1] || most <= log);
         self.sizes.iter().copied().chain(most)
     }
 }
