@@ -2,7 +2,7 @@
 
 use rustc_hash::FxHashMap;
 
-use super::place::Place;
+use super::run::place::Place;
 use super::run::Run;
 use super::system::{ComplementaritySystem, Zero};
 use crate::fesd::element::Element;

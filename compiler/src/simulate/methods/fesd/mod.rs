@@ -12,9 +12,10 @@ mod turns;
 
 use std::ops::ControlFlow;
 
-use nsd_solver::event::{Event, Observer, Segment};
-use nsd_solver::fesd::{self, Grid, Rungs};
+use nsd_solver::event::{self, Event, Observer, Segment};
+use nsd_solver::fesd::{self, Elements, Grid, Recording, Rungs};
 use nsd_solver::hybrid::Outcome;
+use nsd_solver::sensitivity::{Directions, Moment, Sensitivities};
 use nsd_solver::integrate::tableau::Family;
 
 pub(crate) use compiled::{Compiled, Ran};
@@ -45,10 +46,12 @@ const MOST_SHARE: f64 = 0.5;
 /// Nodes of the largest schemes of Radau IIA and Gauss.
 const MOST_NODES: usize = 9;
 
-/// Keeps the multipliers of a run, and looks at surfaces that are touched, besides what another observer does.
+/// Keeps the multipliers and elements of a run, and looks at surfaces that are touched, besides what another observer does.
 struct Keeper<'s, 'e, 'o> {
     observer: &'o mut dyn Observer,
     kept: Option<Multipliers>,
+    /// Where the run is differentiated.
+    recording: Option<Recording>,
     turns: Option<Turns<'s, 'e>>,
 }
 
@@ -57,10 +60,16 @@ impl Observer for Keeper<'_, '_, '_> {
         if let Some(turns) = &mut self.turns {
             turns.segment(segment);
         }
+        if let Some(recording) = &mut self.recording {
+            recording.segment(segment)?;
+        }
         self.observer.segment(segment)
     }
 
     fn event(&mut self, event: &Event) {
+        if let Some(recording) = &mut self.recording {
+            recording.event(event);
+        }
         self.observer.event(event);
     }
 }
@@ -68,6 +77,12 @@ impl Observer for Keeper<'_, '_, '_> {
 impl fesd::Observer for Keeper<'_, '_, '_> {
     fn wants_multipliers(&self) -> bool {
         self.kept.is_some()
+    }
+
+    fn elements(&mut self, elements: &Elements) {
+        if let Some(recording) = &mut self.recording {
+            recording.elements(elements);
+        }
     }
 
     fn multipliers(&mut self, multipliers: &fesd::Multipliers) {
@@ -106,6 +121,8 @@ struct Left {
     /// The defect that an element may have.
     allowed: Option<f64>,
     multipliers: Option<Multipliers>,
+    /// Where it is differentiated, its elements, with what they were solved by.
+    recording: Option<(fesd::Settings, Recording)>,
     turned: Turned,
 }
 
@@ -150,14 +167,16 @@ impl<'e> Run<'e> for ByElements {
         let settings = elements(options(problem.settings), accuracy, problem.limit.clone());
         self.compiled.load(problem.system);
         let is_kept = problem.multipliers && !accuracy.is_finer;
+        let is_recorded = problem.sensing.is_some() && !accuracy.is_finer;
         let mut keeper = Keeper {
             observer,
             kept: is_kept.then(|| empty(&self.algebraics)),
+            recording: is_recorded.then(Recording::default),
             turns: (problem.estimates && !accuracy.is_finer)
                 .then(|| Turns::new(problem.system, &mut self.surfaces)),
         };
         let horizon = problem.settings.horizon;
-        let run = (self.compiled).by_elements(settings, horizon, &problem.x0, &mut keeper);
+        let run = (self.compiled).by_elements(settings.clone(), horizon, &problem.x0, &mut keeper);
         let Ran {
             solution,
             order,
@@ -173,6 +192,7 @@ impl<'e> Run<'e> for ByElements {
                 rungs: solution.rungs,
                 allowed,
                 multipliers: keeper.kept,
+                recording: keeper.recording.map(|recording| (settings, recording)),
                 turned: keeper.turns.map(Turns::done).unwrap_or_default(),
             };
         }
@@ -223,6 +243,17 @@ impl<'e> Run<'e> for ByElements {
 
     fn takes_numbers(&self) -> bool {
         true
+    }
+
+    fn differentiate(
+        &self,
+        _: &event::Recording,
+        _: &Ended,
+        (directions, instants): (&Directions, &[Moment]),
+    ) -> Option<Sensitivities> {
+        let (settings, recording) = self.left.recording.as_ref()?;
+        let system = &self.compiled.complementarity;
+        fesd::differentiate(system, settings, recording, directions, instants).ok()
     }
 
     fn tell(&mut self, problem: &Problem<'_, 'e>, ended: &Ended, trajectory: &mut Trajectory) {

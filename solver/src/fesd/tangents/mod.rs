@@ -1,0 +1,50 @@
+//! Derivatives of a run by finite elements: what its equations say as parameters and initial values move.
+//!
+//! A run solves F(y, h; x₀, p) = 0, the stages y and lengths h of all elements with their active sets. Where it is not
+//! degenerate dy and dh follow from dx₀ and dp by the theorem of implicit functions, element by element. A switch is the
+//! end of an element, whose length is an unknown: so its instant moves with the length, and the state at this end with the
+//! element, and nothing has to be said of what a switch does to tangents. In the limit of short elements they are those of
+//! the solution, with the order of the method (Nurkanović, Sperl, Albrecht & Diehl 2024).
+//!
+//! Ends that are no switches are instants which stay, those of a grid and those that the tolerance has chosen: elements up
+//! to one of these, or to a switch, have the same length. A direction in which something that is zero does not stay so
+//! where it has to is lost from there on, as along a run from event to event.
+
+mod active;
+mod element;
+mod pass;
+mod recording;
+mod zero;
+
+pub use recording::Recording;
+
+use super::{ComplementaritySystem, Grid, MATTERS, Settings};
+use crate::fesd::element::scheme::Scheme;
+use crate::integrate::tableau::{Tableau, TableauError};
+use crate::sensitivity::{Accuracy, Directions, Moment, Sensitivities};
+
+/// Differentiates a run of a system with these settings that has been recorded, at instants in order.
+///
+/// # Errors
+///
+/// Where there are no elements with so many nodes.
+pub fn differentiate(
+    system: &ComplementaritySystem,
+    settings: &Settings,
+    recording: &Recording,
+    directions: &Directions,
+    instants: &[Moment],
+) -> Result<Sensitivities, TableauError> {
+    let scheme = Scheme::new(Tableau::new(settings.family, settings.nodes)?);
+    let accuracy = Accuracy(match settings.grid {
+        Grid::Adaptive { tolerance } => tolerance,
+        Grid::Steps { .. } => MATTERS,
+    });
+    let of = pass::Of {
+        system,
+        scheme: &scheme,
+        accuracy,
+        limit: &settings.limit,
+    };
+    Ok(pass::Pass::new(of, directions, instants).follow(recording))
+}
