@@ -26,6 +26,14 @@ pub(super) struct Motion {
     /// dV and dw.
     unknowns: Vec<f64>,
     pub end: End,
+    /// How large the terms are that the motion of the state is made of, which may cancel.
+    pub terms: Vec<f64>,
+}
+
+/// What is asked of an element in a direction: right-hand sides, and how large the terms of those of V are.
+struct Side {
+    values: Vec<f64>,
+    sizes: Vec<f64>,
 }
 
 /// Σ b_j V_j of unknowns.
@@ -54,10 +62,13 @@ pub(super) fn motions(
     jacobian.differentiate(scheme, reduced, stages);
     let factored = jacobian.factor(scheme, reduced, stages, solved.h);
     factored.map_err(|_| Singular { column: 0 })?;
-    let mut sides: Vec<Option<Vec<f64>>> = starts
-        .iter()
-        .map(|start| start.as_ref().map(|_| vec![0.0; s * per_node]))
-        .collect();
+    let side = |start: &Option<(End, f64)>| {
+        start.as_ref().map(|_| Side {
+            values: vec![0.0; s * per_node],
+            sizes: vec![0.0; n],
+        })
+    };
+    let mut sides: Vec<Option<Side>> = starts.iter().map(side).collect();
     for (m, c) in scheme.tableau.nodes.iter().enumerate() {
         let along: Vec<f64> = (0..n)
             .map(|i| {
@@ -73,14 +84,18 @@ pub(super) fn motions(
             let time = start.time + c * length;
             for (place, row) in rows.iter().enumerate() {
                 let x = start.x.iter().zip(&along).map(|(x, v)| x + length * v);
-                let by_x: f64 = row[1..=n].iter().zip(x).map(|(slope, x)| slope * x).sum();
-                let sum = row[0] * time + by_x + row[1 + per_node + d];
-                side[m * per_node + place] = if place < n { sum } else { -sum };
+                let by_x = row[1..=n].iter().zip(x).map(|(slope, x)| slope * x);
+                let terms = by_x.chain([row[0] * time, row[1 + per_node + d]]);
+                let [sum, size] = terms.fold([0.0, 0.0], |[a, b], x: f64| [a + x, b + x.abs()]);
+                side.values[m * per_node + place] = if place < n { sum } else { -sum };
+                if let Some(sizes) = side.sizes.get_mut(place) {
+                    *sizes += (solved.h * scheme.tableau.weights[m]).abs() * size;
+                }
             }
         }
     }
     for side in sides.iter_mut().flatten() {
-        let solved = active.jacobian.solve(side);
+        let solved = active.jacobian.solve(&mut side.values);
         solved.map_err(|_| Singular { column: 0 })?;
     }
     ends(active, scheme, solved, (starts, sides), parameters)
@@ -91,7 +106,7 @@ fn ends(
     active: &mut Active,
     scheme: &Scheme,
     solved: &Solved,
-    (starts, sides): (&[Option<(End, f64)>], Vec<Option<Vec<f64>>>),
+    (starts, sides): (&[Option<(End, f64)>], Vec<Option<Side>>),
     parameters: &Parameters,
 ) -> Result<Vec<Option<Motion>>, Singular> {
     let shape = (active.stages.n, active.stages.per_node);
@@ -105,13 +120,20 @@ fn ends(
     let places = (moved(&plain), moved(&solved.mean));
     let projected =
         active.projected(solved.t + h, (&places.0, &places.1), &w, parameters)?;
-    let motion = |(d, (start, unknowns)): (usize, (&Option<(End, f64)>, Option<Vec<f64>>))| {
-        let ((start, length), unknowns) = (start.clone()?, unknowns?);
+    let motion = |(d, (start, side)): (usize, (&Option<(End, f64)>, Option<Side>))| {
+        let (start, length) = start.clone()?;
+        let Side {
+            values: unknowns,
+            sizes: mut terms,
+        } = side?;
         let slopes = mean(scheme, &unknowns, shape);
-        let terms = start.x.iter().zip(&slopes).zip(&plain);
-        let terms = terms.map(|((x, slope), mean)| x + h * slope + length * mean);
+        let by = slopes.iter().zip(&plain);
+        let by: Vec<f64> = by.map(|(slope, mean)| h * slope + length * mean).collect();
+        for (i, term) in terms.iter_mut().enumerate() {
+            *term += start.x[i].abs() + (h * slopes[i]).abs() + (length * plain[i]).abs();
+        }
         let mut end = End {
-            x: terms.collect(),
+            x: start.x.iter().zip(&by).map(|(x, by)| x + by).collect(),
             time: start.time + length,
         };
         if let Some(projected) = &projected {
@@ -123,6 +145,7 @@ fn ends(
             length,
             unknowns,
             end,
+            terms,
         })
     };
     Ok(starts.iter().zip(sides).enumerate().map(motion).collect())

@@ -235,6 +235,7 @@ impl<'r> Pass<'r> {
             for (d, end) in self.ends.iter_mut().enumerate() {
                 if let Some(end) = end {
                     here.keep(algebraic, &mut end.x, d)?;
+                    add_algebraic(&mut self.sizes, algebraic, d, &end.x);
                 }
             }
         }
@@ -265,7 +266,12 @@ impl<'r> Pass<'r> {
     fn sizes_of(&self, end: &End, f: &[f64], direction: usize) -> Vec<f64> {
         let back: Vec<f64> = end.x.iter().zip(f).map(|(x, f)| x - f * end.time).collect();
         let faded = self.of.accuracy.faded();
-        self.sizes.moved((&back, f, end.time), direction, faded)
+        let mut sizes = self.sizes.moved((&back, f, end.time), direction, faded);
+        let parameters = &self.of.system.parameters;
+        let least = self.sizes.least(&back, (&self.parameters.by[direction], parameters));
+        let largest = sizes.iter_mut().zip(&self.sizes.largest);
+        largest.for_each(|(size, largest)| *size += least * largest);
+        sizes
     }
 
     /// What is zero where an active set begins stays so.
@@ -470,16 +476,16 @@ impl<'r> Pass<'r> {
     ) {
         let of_length = motions.pop().flatten();
         for (d, motion) in motions.into_iter().enumerate() {
-            let Some(mut own) = motion.map(|motion| motion.end).filter(|_| self.ends[d].is_some())
-            else {
+            let Some(motion) = motion.filter(|_| self.ends[d].is_some()) else {
                 continue;
             };
+            let (mut own, mut terms) = (motion.end, motion.terms);
             if let Some(by) = &of_length {
                 own.time += lengths[d] * by.end.time;
-                own.x
-                    .iter_mut()
-                    .zip(&by.end.x)
-                    .for_each(|(x, by)| *x += lengths[d] * by);
+                for i in 0..own.x.len() {
+                    own.x[i] += lengths[d] * by.end.x[i];
+                    terms[i] += (lengths[d] * by.end.x[i]).abs();
+                }
             }
             if piece.member.is_none() {
                 own.time = 0.0;
@@ -487,8 +493,10 @@ impl<'r> Pass<'r> {
             let back = own.x.iter().zip(f).map(|(x, f)| x - f * own.time);
             self.sizes.see_tangent(d, &back.collect::<Vec<_>>());
             let speeds = self.sizes.speeds.all();
-            let terms = speeds.iter().map(|speed| speed * own.time);
-            self.sizes.add_terms(d, terms);
+            let by_time = speeds.iter().map(|speed| speed * own.time);
+            self.sizes.add_terms(d, by_time);
+            self.sizes.add_terms(d, terms.into_iter());
+            add_algebraic(&mut self.sizes, &self.of.system.algebraic_states, d, &own.x);
             let is_known = own.time.is_finite() && own.x.iter().all(|x| x.is_finite());
             self.ends[d] = Some(own);
             if !is_known {
@@ -529,4 +537,11 @@ impl<'r> Pass<'r> {
             self.lose(piece.until, (why, switches), d);
         }
     }
+}
+
+/// Equations leave rounding of the largest tangent of what they determine in all of them.
+fn add_algebraic(sizes: &mut Sizes, algebraic: &[usize], direction: usize, x: &[f64]) {
+    let largest = algebraic.iter().map(|&i| x[i].abs()).fold(0.0, f64::max);
+    let terms = (0..x.len()).map(|i| if algebraic.contains(&i) { largest } else { 0.0 });
+    sizes.add_terms(direction, terms);
 }
