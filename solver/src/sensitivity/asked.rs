@@ -97,6 +97,25 @@ impl Sensitivities {
         self.tangents.resize(n, vec![None; d]);
     }
 
+    /// The same of another system, whose states and α follow from these, as their tangents do, with those of its switches
+    /// that are among these; events of one instant are one.
+    pub fn seen(
+        mut self,
+        point: impl Fn(&[f64]) -> Vec<f64>,
+        tangent: impl Fn(&[f64]) -> Vec<f64>,
+        switch: impl Fn(usize) -> Option<usize>,
+    ) -> Self {
+        let points = self.points.iter_mut().filter(|own| !own.is_empty());
+        points.for_each(|own| *own = point(own));
+        let tangents = self.tangents.iter_mut().flatten().flatten();
+        tangents.for_each(|own| *own = tangent(own));
+        for loss in self.lost.iter_mut().flatten() {
+            loss.switches = loss.switches.iter().filter_map(|&k| switch(k)).collect();
+        }
+        self.events.dedup_by(|next, kept| next.time == kept.time);
+        self
+    }
+
     /// dx/dp at one of the instants that were asked for, and behind it those of all α; none from where on they are not
     /// known.
     pub fn at(&self, instant: usize, direction: usize) -> Option<&[f64]> {

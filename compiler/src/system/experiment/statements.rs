@@ -269,7 +269,8 @@ impl Statements<'_, '_> {
             let word = method.word();
             return Some(format!("runs by `method {word}` are not differentiated"));
         }
-        let why = if self.numerics.lowerings.contains(&Lowering::TimeFreezing) {
+        let is_frozen = self.numerics.lowerings.contains(&Lowering::TimeFreezing);
+        let why = if is_frozen && !method.needs_dcs() {
             "time is frozen where states jump"
         } else if self.numerics.lowerings.contains(&Lowering::Impact) {
             "impulses of `lower impact` come from programs of their own, which are not differentiated"

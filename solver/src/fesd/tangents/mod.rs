@@ -23,14 +23,15 @@ use crate::fesd::element::scheme::Scheme;
 use crate::integrate::tableau::{Tableau, TableauError};
 use crate::sensitivity::{Accuracy, Directions, Moment, Sensitivities};
 
-/// Differentiates a run of a system with these settings that has been recorded, at instants in order.
+/// Differentiates a run of a system with these settings that has been recorded, at instants in order; of a clock where one
+/// of its states is the time of what is asked and found.
 ///
 /// # Errors
 ///
 /// Where there are no elements with so many nodes.
 pub fn differentiate(
     system: &ComplementaritySystem,
-    settings: &Settings,
+    (settings, clock): (&Settings, Option<usize>),
     recording: &Recording,
     directions: &Directions,
     instants: &[Moment],
@@ -45,6 +46,7 @@ pub fn differentiate(
         scheme: &scheme,
         accuracy,
         limit: &settings.limit,
+        clock,
     };
     Ok(pass::Pass::new(of, directions, instants).follow(recording))
 }

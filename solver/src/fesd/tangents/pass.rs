@@ -25,6 +25,15 @@ pub(super) struct Of<'r> {
     pub scheme: &'r Scheme,
     pub accuracy: Accuracy,
     pub limit: &'r Limit,
+    /// The state that is the time of what is asked and told, where that of the run is another one.
+    pub clock: Option<usize>,
+}
+
+impl Of<'_> {
+    /// The time of what is told.
+    fn time(&self, t: f64, x: &[f64]) -> f64 {
+        self.clock.map_or(t, |clock| x[clock])
+    }
 }
 
 /// The tangents of a run, so far.
@@ -56,6 +65,8 @@ type Failed = (Why, Vec<usize>);
 /// A row that waits for the lengths of its elements.
 struct Row {
     point: Vec<f64>,
+    /// x'.
+    f: Vec<f64>,
     /// By direction, the last of which is the length.
     tangents: Vec<Option<Vec<f64>>>,
     /// α of what slides; none where w is not found.
@@ -92,7 +103,11 @@ impl<'r> Pass<'r> {
             match part {
                 Part::Piece(piece) => self.piece(piece, last == Some(at)),
                 Part::Event { time } => self.event(*time),
-                Part::Fold { time } => self.lose_all(*time, (Why::Fold, Vec::new())),
+                Part::Fold { time } => {
+                    let last = self.last.as_ref();
+                    let time = last.map_or(*time, |last| self.of.time(*time, &last.x));
+                    self.lose_all(time, (Why::Fold, Vec::new()));
+                }
             }
         }
         self.found.close();
@@ -118,11 +133,16 @@ impl<'r> Pass<'r> {
     }
 
     fn event(&mut self, time: f64) {
-        let by = |end: &Option<End>| end.as_ref().map_or(f64::NAN, |end| end.time);
-        self.found.events.push(EventTime {
-            time,
-            by: self.ends.iter().map(by).collect(),
-        });
+        let clock = self.of.clock;
+        let last = self.last.as_ref();
+        let time = last.map_or(time, |last| self.of.time(time, &last.x));
+        let by = |end: &Option<End>| match (end, clock) {
+            (None, _) => f64::NAN,
+            (Some(end), None) => end.time,
+            (Some(end), Some(clock)) => end.x[clock],
+        };
+        let by = self.ends.iter().map(by).collect();
+        self.found.events.push(EventTime { time, by });
         self.sizes.turn();
     }
 
@@ -139,7 +159,8 @@ impl<'r> Pass<'r> {
         let done = self.pass(&mut active, piece, is_last);
         self.actives.insert(key, active);
         if let Err(failed) = done {
-            self.lose_all(piece.elements[0].t, failed);
+            let first = &piece.elements[0];
+            self.lose_all(self.of.time(first.t, &first.x), failed);
         }
     }
 
@@ -170,7 +191,7 @@ impl<'r> Pass<'r> {
                     // Before the switch there are derivatives.
                     self.write(rows, &self.shifts(piece));
                     let about = switches(self.of.system, &piece.reduced, member);
-                    self.lose_all(piece.until, (why, about));
+                    self.lose_all(self.of.time(piece.until, &x), (why, about));
                     return Ok(());
                 }
             },
@@ -213,10 +234,11 @@ impl<'r> Pass<'r> {
     fn enter(&mut self, active: &mut Active, piece: &Piece) -> Result<Here, Singular> {
         let first = &piece.elements[0];
         let here = self.at(active, first, false)?;
+        let time = self.of.time(first.t, &first.x);
         self.sizes.see(&first.x, &here.f);
         let last = self.last.as_ref();
         if last.is_some_and(|last| self.has_jumped(&last.x, &first.x)) {
-            self.lose_all(first.t, (Why::Unknown, Vec::new()));
+            self.lose_all(time, (Why::Unknown, Vec::new()));
         }
         let last = self.last.as_ref();
         let is_other = |last: &Last| !Arc::ptr_eq(&last.reduced, &piece.reduced);
@@ -226,7 +248,7 @@ impl<'r> Pass<'r> {
         if let Some((switches, _)) = met {
             for d in 0..self.ends.len() {
                 if self.ends[d].as_ref().is_some_and(|end| end.time != 0.0) {
-                    self.lose(first.t, (Why::Several, switches.clone()), d);
+                    self.lose(time, (Why::Several, switches.clone()), d);
                 }
             }
         }
@@ -302,8 +324,9 @@ impl<'r> Pass<'r> {
                 lost.push((d, switches(self.of.system, &piece.reduced, k)));
             }
         }
+        let time = self.of.time(first.t, &first.x);
         for (d, switches) in lost {
-            self.lose(first.t, (why, switches), d);
+            self.lose(time, (why, switches), d);
         }
     }
 
@@ -321,7 +344,8 @@ impl<'r> Pass<'r> {
             };
             if let Some(k) = here.left([member].into_iter(), moved, d) {
                 let about = switches(self.of.system, &piece.reduced, k);
-                self.lose(first.t, (Why::Several, about), d);
+                let time = self.of.time(first.t, &first.x);
+                self.lose(time, (Why::Several, about), d);
             }
         }
         let about = switches(self.of.system, &piece.reduced, member);
@@ -372,20 +396,29 @@ impl<'r> Pass<'r> {
         (until, is_last): (f64, bool),
         rows: &mut Vec<Row>,
     ) {
-        while let Some(Moment { time, is_behind }) = self.found.next(rows.len()) {
-            if !(time < until || time == until && !is_behind || is_last) {
+        let span = Span::of(&self.of, solved, until);
+        if span.stands() && !is_last {
+            return;
+        }
+        while let Some(moment) = self.found.next(rows.len()) {
+            if !(span.holds(moment) || is_last) {
                 break;
             }
-            let sigma = match time < until {
-                true => ((time - solved.t - solved.t_low) / solved.h).clamp(0.0, 1.0),
-                false => 1.0,
-            };
             let scheme = self.of.scheme;
+            let sigma = span.share(&self.of, solved, moment.time);
             let x = state(scheme, solved, sigma);
-            let here = active.here((time, &x, &solved.w), &self.parameters);
-            let (alpha, sliding) = match here {
-                Ok(here) => (here.alpha, Some(here.sliding)),
-                Err(_) => (vec![f64::NAN; active.reduced.sides.len()], None),
+            let t = match self.of.clock {
+                None => moment.time,
+                Some(_) => solved.t + sigma * solved.h,
+            };
+            let here = active.here((t, &x, &solved.w), &self.parameters);
+            let (alpha, f, sliding) = match here {
+                Ok(here) => (here.alpha, here.f, Some(here.sliding)),
+                Err(_) => (
+                    vec![f64::NAN; active.reduced.sides.len()],
+                    vec![f64::NAN; x.len()],
+                    None,
+                ),
             };
             let tangent = |motion: &Option<Motion>| {
                 Some(within(scheme, solved, motion.as_ref()?, sigma))
@@ -394,6 +427,7 @@ impl<'r> Pass<'r> {
                 point: [x, alpha].concat(),
                 tangents: motions.iter().map(tangent).collect(),
                 sliding,
+                f,
             });
         }
     }
@@ -441,9 +475,10 @@ impl<'r> Pass<'r> {
 
     /// Writes the rows of a piece down.
     fn write(&mut self, rows: Vec<Row>, lengths: &[f64]) {
-        let n = self.of.system.n_states();
+        let (n, clock) = (self.of.system.n_states(), self.of.clock);
         for Row {
             point,
+            f,
             mut tangents,
             sliding,
         } in rows
@@ -454,10 +489,19 @@ impl<'r> Pass<'r> {
                 for (value, by) in whole.iter_mut().zip(&of_length) {
                     *value += lengths[d] * by;
                 }
-                let still = whole.clone();
+                // At an instant of the clock.
+                let time = clock.map_or(0.0, |clock| -whole[clock] / f[clock]);
+                if clock.is_some() {
+                    whole.iter_mut().zip(&f).for_each(|(x, f)| *x += f * time);
+                }
+                let x = whole.clone();
                 whole.resize(point.len(), 0.0);
                 for (i, slope) in sliding {
-                    whole[n + i] = slope.along(Moved::still(&still), d)[0];
+                    let moved = Moved {
+                        time,
+                        ..Moved::still(&x)
+                    };
+                    whole[n + i] = slope.along(moved, d)[0];
                 }
                 Some(whole)
             };
@@ -474,7 +518,7 @@ impl<'r> Pass<'r> {
         lengths: &[f64],
         f: &[f64],
     ) {
-        let of_length = motions.pop().flatten();
+        let (of_length, time) = (motions.pop().flatten(), self.time_behind(piece));
         for (d, motion) in motions.into_iter().enumerate() {
             let Some(motion) = motion.filter(|_| self.ends[d].is_some()) else {
                 continue;
@@ -500,7 +544,7 @@ impl<'r> Pass<'r> {
             let is_known = own.time.is_finite() && own.x.iter().all(|x| x.is_finite());
             self.ends[d] = Some(own);
             if !is_known {
-                self.lose(piece.until, (Why::Unknown, Vec::new()), d);
+                self.lose(time, (Why::Unknown, Vec::new()), d);
             }
         }
     }
@@ -533,9 +577,75 @@ impl<'r> Pass<'r> {
                 lost.push((d, switches(self.of.system, &piece.reduced, k)));
             }
         }
+        let time = self.time_behind(piece);
         for (d, switches) in lost {
-            self.lose(piece.until, (why, switches), d);
+            self.lose(time, (why, switches), d);
         }
+    }
+
+    /// The time at the end of a piece that lies behind.
+    fn time_behind(&self, piece: &Piece) -> f64 {
+        let last = self.last.as_ref();
+        last.map_or(piece.until, |last| self.of.time(piece.until, &last.x))
+    }
+}
+
+/// The times from the start of an element to its end.
+struct Span {
+    start: f64,
+    end: f64,
+    /// Times that are closer are one.
+    near: f64,
+    h: f64,
+}
+
+impl Span {
+    /// The clock stands still where it is slower than this.
+    const STANDS: f64 = 1e-9;
+
+    fn of(of: &Of, solved: &Solved, until: f64) -> Self {
+        let (start, end) = match of.clock {
+            None => (solved.t, until),
+            Some(clock) => {
+                let start = solved.x[clock];
+                (start, start + solved.h * solved.mean[clock])
+            }
+        };
+        Span {
+            near: match of.clock {
+                None => 0.0,
+                Some(_) => 1e-12 * end.abs(),
+            },
+            h: solved.h,
+            start,
+            end,
+        }
+    }
+
+    fn stands(&self) -> bool {
+        self.end - self.start < Span::STANDS * self.h
+    }
+
+    fn holds(&self, Moment { time, is_behind }: Moment) -> bool {
+        time < self.end - self.near || time <= self.end + self.near && !is_behind
+    }
+
+    /// The share of the element at a time.
+    fn share(&self, of: &Of, solved: &Solved, time: f64) -> f64 {
+        const ITERATIONS: usize = 20;
+        if time >= self.end - self.near {
+            return 1.0;
+        }
+        let Some(clock) = of.clock else {
+            return ((time - solved.t - solved.t_low) / solved.h).clamp(0.0, 1.0);
+        };
+        let length = self.end - self.start;
+        let mut share = ((time - self.start) / length).clamp(0.0, 1.0);
+        for _ in 0..ITERATIONS {
+            let off = time - state(of.scheme, solved, share)[clock];
+            share = (share + off / length).clamp(0.0, 1.0);
+        }
+        share
     }
 }
 

@@ -47,12 +47,24 @@ const MOST_SHARE: f64 = 0.5;
 const MOST_NODES: usize = 9;
 
 /// Keeps the multipliers and elements of a run, and looks at surfaces that are touched, besides what another observer does.
-struct Keeper<'s, 'e, 'o> {
+pub(in crate::simulate) struct Keeper<'s, 'e, 'o> {
     observer: &'o mut dyn Observer,
     kept: Option<Multipliers>,
     /// Where the run is differentiated.
-    recording: Option<Recording>,
+    pub recording: Option<Recording>,
     turns: Option<Turns<'s, 'e>>,
+}
+
+impl<'o> Keeper<'_, '_, 'o> {
+    /// Keeps elements alone.
+    pub fn recording(observer: &'o mut dyn Observer) -> Self {
+        Keeper {
+            observer,
+            kept: None,
+            recording: Some(Recording::default()),
+            turns: None,
+        }
+    }
 }
 
 impl Observer for Keeper<'_, '_, '_> {
@@ -253,7 +265,7 @@ impl<'e> Run<'e> for ByElements {
     ) -> Option<Sensitivities> {
         let (settings, recording) = self.left.recording.as_ref()?;
         let system = &self.compiled.complementarity;
-        fesd::differentiate(system, settings, recording, directions, instants).ok()
+        fesd::differentiate(system, (settings, None), recording, directions, instants).ok()
     }
 
     fn tell(&mut self, problem: &Problem<'_, 'e>, ended: &Ended, trajectory: &mut Trajectory) {
