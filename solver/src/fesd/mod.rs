@@ -45,7 +45,7 @@ pub use emit::{Elements, Multipliers, Observer};
 use fold::{Folds, Length, Reached};
 use march::{March, Piece};
 pub use run::Rungs;
-pub use tangents::{Recording, differentiate};
+pub use tangents::{Recorded, Recording, Turn, differentiate};
 pub use stepping::{Stepper, SteppingSettings};
 pub use system::{
     ComplementaritySystem, Disc, Full, Member, NEGLIGIBLE, Pair, Reduced, Switch, Watched, Zero,

@@ -118,19 +118,6 @@ impl Sizes {
         (0..tangent.len()).map(size).collect()
     }
 
-    /// The part of how large states are that a tangent has to have to be anything at all: where states and parameters are
-    /// one, rounding of what rounding leaves of its largest entry, as what comes to it through many others at first.
-    pub fn least(&self, tangent: &[f64], (by, parameters): (&[f64], &[f64])) -> f64 {
-        let share = |(by, size): (&f64, &f64)| match *size == 0.0 {
-            true => 0.0,
-            false => (by / size).abs(),
-        };
-        let own = tangent.iter().zip(&self.largest).map(share);
-        let by = by.iter().zip(parameters).map(share);
-        let largest = own.chain(by).fold(0.0, f64::max);
-        f64::EPSILON * (f64::EPSILON * largest).min(1.0)
-    }
-
     /// An event lies behind.
     pub fn turn(&mut self) {
         let all = self.tangents.iter_mut().chain(&mut self.terms);

@@ -196,7 +196,7 @@ fn expanded(
     let checked =
         |expansion: &Expansion, functions: &Functions, one, (looked, lane): (&Looked, _)| {
             let (d, start): (usize, &[f64]) = one;
-            let (largest, share) = (way.sizes.tangents(d), way.sizes.least(start, (functions.direction(d), way.run.parameters)));
+            let (largest, share) = (way.sizes.tangents(d), way.least(functions, start, d));
             let least = |k: usize| share * way.sizes.largest[k];
             expansion.checked(functions, one, (largest, least), (looked, lane))
         };
@@ -415,6 +415,19 @@ impl Way<'_> {
         point.t *= 1.0 + 4.0 * f64::EPSILON;
         let shaken = functions.linearize(self.mode, &point);
         shaken.map_err(|_| Why::Singular)
+    }
+
+    /// The part of how large states are that a tangent has to have to be anything at all: where states and parameters are
+    /// one, rounding of what rounding leaves of its largest entry, as what comes to it through many others at first.
+    fn least(&self, functions: &Functions, tangent: &[f64], d: usize) -> f64 {
+        let share = |(by, size): (&f64, &f64)| match *size == 0.0 {
+            true => 0.0,
+            false => (by / size).abs(),
+        };
+        let own = tangent.iter().zip(&self.sizes.largest).map(share);
+        let by = functions.direction(d).iter().zip(self.run.parameters);
+        let largest = own.chain(by.map(share)).fold(0.0, f64::max);
+        f64::EPSILON * (f64::EPSILON * largest).min(1.0)
     }
 
     /// Whether no derivative of the functions hides anything in a part of the step.

@@ -23,19 +23,44 @@ use crate::fesd::element::scheme::Scheme;
 use crate::integrate::tableau::{Tableau, TableauError};
 use crate::sensitivity::{Accuracy, Directions, Moment, Sensitivities};
 
-/// Differentiates a run of a system with these settings that has been recorded, at instants in order; of a clock where one
-/// of its states is the time of what is asked and found.
+/// A surface that a run came close to and left again.
+#[derive(Clone, Copy, Debug)]
+pub struct Turn {
+    /// Its switch.
+    pub switch: usize,
+    /// When it was closest.
+    pub time: f64,
+    /// ψ there, positive on the side of the run, and how large its terms are.
+    pub distance: f64,
+    /// See above.
+    pub size: f64,
+}
+
+/// What a run has left for its derivatives.
+#[derive(Clone, Debug)]
+pub struct Recorded {
+    /// How it was made.
+    pub settings: Settings,
+    /// Its elements.
+    pub recording: Recording,
+    /// Surfaces that it came close to, in order.
+    pub turns: Vec<Turn>,
+    /// The state that is the time of what is asked and found, where that of the run is another one.
+    pub clock: Option<usize>,
+}
+
+/// Differentiates a run of a system that has been recorded, at instants in order.
 ///
 /// # Errors
 ///
 /// Where there are no elements with so many nodes.
 pub fn differentiate(
     system: &ComplementaritySystem,
-    (settings, clock): (&Settings, Option<usize>),
-    recording: &Recording,
+    recorded: &Recorded,
     directions: &Directions,
     instants: &[Moment],
 ) -> Result<Sensitivities, TableauError> {
+    let settings = &recorded.settings;
     let scheme = Scheme::new(Tableau::new(settings.family, settings.nodes)?);
     let accuracy = Accuracy(match settings.grid {
         Grid::Adaptive { tolerance } => tolerance,
@@ -46,7 +71,8 @@ pub fn differentiate(
         scheme: &scheme,
         accuracy,
         limit: &settings.limit,
-        clock,
+        clock: recorded.clock,
+        turns: &recorded.turns,
     };
-    Ok(pass::Pass::new(of, directions, instants).follow(recording))
+    Ok(pass::Pass::new(of, directions, instants).follow(&recorded.recording))
 }

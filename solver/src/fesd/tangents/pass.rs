@@ -6,6 +6,7 @@ use rustc_hash::FxHashMap;
 
 use super::active::{Active, Here, Parameters};
 use super::element::{End, Motion, motions, state, within};
+use super::Turn;
 use super::recording::{Part, Piece, Recording};
 use super::zero::{Known, rate, switches, weigh};
 use crate::fesd::element::scheme::Scheme;
@@ -18,6 +19,9 @@ use crate::sensitivity::{
     least_rate,
 };
 
+/// Rounding of rounding, over the share of its size up to which a tangent is none.
+const ROUNDED: f64 = 1e6 * f64::EPSILON * f64::EPSILON;
+
 /// What has been run, and how well that is known.
 #[derive(Clone, Copy)]
 pub(super) struct Of<'r> {
@@ -27,6 +31,8 @@ pub(super) struct Of<'r> {
     pub limit: &'r Limit,
     /// The state that is the time of what is asked and told, where that of the run is another one.
     pub clock: Option<usize>,
+    /// Surfaces that the run came close to, in order.
+    pub turns: &'r [Turn],
 }
 
 impl Of<'_> {
@@ -97,11 +103,16 @@ impl<'r> Pass<'r> {
     pub fn follow(mut self, recording: &Recording) -> Sensitivities {
         let last = recording.pieces().next_back().map(|(at, _)| at);
         for (at, part) in recording.parts.iter().enumerate() {
-            if self.ends.iter().all(Option::is_none) {
+            // What has ended all derivatives may have been an event.
+            let is_event = matches!(part, Part::Event { .. });
+            if !is_event && self.ends.iter().all(Option::is_none) {
                 break;
             }
             match part {
-                Part::Piece(piece) => self.piece(piece, last == Some(at)),
+                Part::Piece(piece) => {
+                    self.piece(piece, last == Some(at));
+                    self.turn(piece.until);
+                }
                 Part::Event { time } => self.event(*time),
                 Part::Fold { time } => {
                     let last = self.last.as_ref();
@@ -128,6 +139,17 @@ impl<'r> Pass<'r> {
         for d in 0..self.ends.len() {
             if self.ends[d].is_some() {
                 self.lose(time, failed.clone(), d);
+            }
+        }
+    }
+
+    /// Surfaces that were touched up to an instant, or were not as far as that can be told.
+    fn turn(&mut self, until: f64) {
+        let (now, later) = self.of.turns.split_at(self.of.turns.partition_point(|turn| turn.time <= until));
+        self.of.turns = later;
+        for turn in now {
+            if turn.distance.abs() <= self.of.accuracy.closeness() * turn.size {
+                self.lose_all(turn.time, (Why::Grazing, vec![turn.switch]));
             }
         }
     }
@@ -288,12 +310,10 @@ impl<'r> Pass<'r> {
     fn sizes_of(&self, end: &End, f: &[f64], direction: usize) -> Vec<f64> {
         let back: Vec<f64> = end.x.iter().zip(f).map(|(x, f)| x - f * end.time).collect();
         let faded = self.of.accuracy.faded();
-        let mut sizes = self.sizes.moved((&back, f, end.time), direction, faded);
-        let parameters = &self.of.system.parameters;
-        let least = self.sizes.least(&back, (&self.parameters.by[direction], parameters));
-        let largest = sizes.iter_mut().zip(&self.sizes.largest);
-        largest.for_each(|(size, largest)| *size += least * largest);
-        sizes
+        let sizes = self.sizes.moved((&back, f, end.time), direction, faded);
+        // What comes to an entry through others is at least rounding of what rounding leaves of the largest one.
+        let least = ROUNDED * crate::linalg::largest(&back);
+        sizes.into_iter().map(|size| size + least).collect()
     }
 
     /// What is zero where an active set begins stays so.

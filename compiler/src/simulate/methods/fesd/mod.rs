@@ -13,7 +13,7 @@ mod turns;
 use std::ops::ControlFlow;
 
 use nsd_solver::event::{self, Event, Observer, Segment};
-use nsd_solver::fesd::{self, Elements, Grid, Recording, Rungs};
+use nsd_solver::fesd::{self, Elements, Grid, Recorded, Recording, Rungs};
 use nsd_solver::hybrid::Outcome;
 use nsd_solver::sensitivity::{Directions, Moment, Sensitivities};
 use nsd_solver::integrate::tableau::Family;
@@ -133,8 +133,8 @@ struct Left {
     /// The defect that an element may have.
     allowed: Option<f64>,
     multipliers: Option<Multipliers>,
-    /// Where it is differentiated, its elements, with what they were solved by.
-    recording: Option<(fesd::Settings, Recording)>,
+    /// Where it is differentiated.
+    recorded: Option<Recorded>,
     turned: Turned,
 }
 
@@ -184,7 +184,7 @@ impl<'e> Run<'e> for ByElements {
             observer,
             kept: is_kept.then(|| empty(&self.algebraics)),
             recording: is_recorded.then(Recording::default),
-            turns: (problem.estimates && !accuracy.is_finer)
+            turns: (problem.estimates && !accuracy.is_finer || is_recorded)
                 .then(|| Turns::new(problem.system, &mut self.surfaces)),
         };
         let horizon = problem.settings.horizon;
@@ -194,18 +194,26 @@ impl<'e> Run<'e> for ByElements {
             order,
             allowed,
         } = run;
+        let (kept, recording) = (keeper.kept, keeper.recording);
+        let turned = keeper.turns.map(Turns::done).unwrap_or_default();
         if accuracy.is_finer {
             self.allowed = allowed;
         } else {
+            let recorded = recording.map(|recording| Recorded {
+                settings,
+                recording,
+                turns: turned.told(problem.system, &mut self.surfaces),
+                clock: None,
+            });
             self.left = Left {
                 order,
                 least_member: solution.least_member,
                 added_elements: solution.added_elements,
                 rungs: solution.rungs,
                 allowed,
-                multipliers: keeper.kept,
-                recording: keeper.recording.map(|recording| (settings, recording)),
-                turned: keeper.turns.map(Turns::done).unwrap_or_default(),
+                multipliers: kept,
+                recorded,
+                turned,
             };
         }
         Ended::by(solution.outcome)
@@ -263,9 +271,9 @@ impl<'e> Run<'e> for ByElements {
         _: &Ended,
         (directions, instants): (&Directions, &[Moment]),
     ) -> Option<Sensitivities> {
-        let (settings, recording) = self.left.recording.as_ref()?;
+        let recorded = self.left.recorded.as_ref()?;
         let system = &self.compiled.complementarity;
-        fesd::differentiate(system, (settings, None), recording, directions, instants).ok()
+        fesd::differentiate(system, recorded, directions, instants).ok()
     }
 
     fn tell(&mut self, problem: &Problem<'_, 'e>, ended: &Ended, trajectory: &mut Trajectory) {

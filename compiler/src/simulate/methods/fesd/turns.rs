@@ -6,6 +6,7 @@
 //! there leads away.
 
 use nsd_solver::event::Segment;
+use nsd_solver::fesd;
 use nsd_solver::hybrid::Side;
 use nsd_solver::tape::{Scratch, Tape};
 use rustc_hash::FxHashMap;
@@ -257,17 +258,36 @@ pub(crate) struct Turned {
 }
 
 impl Turned {
+    /// How large the terms of ψ with this gradient have been.
+    fn reach(&self, gradient: &[f64]) -> f64 {
+        let terms = gradient.iter().zip(&self.scale);
+        terms.map(|(g, s)| g.abs() * s).sum()
+    }
+
+    /// The turns, as derivatives ask for them.
+    pub fn told(&self, system: &System, surfaces: &mut Surfaces) -> Vec<fesd::Turn> {
+        let told = |turn: &Turn| {
+            let [_, gradient] = surfaces.rates_and_gradient(system, turn.switch);
+            let gradient = gradient.at(system, turn.time, turn.time, &turn.x, &turn.alpha);
+            fesd::Turn {
+                switch: turn.switch,
+                time: turn.time,
+                distance: turn.distance,
+                size: self.reach(gradient),
+            }
+        };
+        let mut all: Vec<fesd::Turn> = self.found.iter().map(told).collect();
+        all.sort_by(|a, b| a.time.total_cmp(&b.time));
+        all
+    }
+
     /// What a run with errors of this share of every state cannot tell, until its end.
     pub fn judge(&self, system: &System, surfaces: &mut Surfaces, error: f64, end: f64) -> Touches {
         let mut touches = Touches::default();
         for turn in &self.found {
             let [rates, gradient] = surfaces.rates_and_gradient(system, turn.switch);
             let gradient = gradient.at(system, turn.time, turn.time, &turn.x, &turn.alpha);
-            let reach: f64 = gradient
-                .iter()
-                .zip(&self.scale)
-                .map(|(g, s)| g.abs() * s)
-                .sum();
+            let reach = self.reach(gradient);
             let floor = ROUNDINGS * f64::EPSILON * (reach + turn.distance.abs());
             let known_to = floor + SAFETY * error * reach;
             let depth = known_to - turn.distance;

@@ -7,11 +7,11 @@ mod runner;
 mod stretch;
 
 use nsd_solver::event::{Observer, Recording, Simulator};
+use nsd_solver::fesd::Recorded;
 use nsd_solver::hybrid::Outcome;
 use nsd_solver::sensitivity::{Directions, Moment, Sensitivities};
 use physical_time::End;
 pub(crate) use runner::FrozenRunner;
-use runner::Recorded;
 
 use super::blurred;
 use super::fesd::options;

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use nsd_solver::event::{Observer, Simulator};
-use nsd_solver::fesd::{self as elements, ComplementaritySystem, Grid, Library, Recording};
+use nsd_solver::fesd::{self as elements, ComplementaritySystem, Grid, Library, Recorded};
 use nsd_solver::hybrid as solver;
 use nsd_solver::hybrid::{Coefficient, HybridSystem, Outcome, Side};
 use nsd_solver::sensitivity::{Directions, Moment, Sensitivities};
@@ -57,9 +57,6 @@ enum Integrator {
         library: Library,
     },
 }
-
-/// Elements of a run in numerical time, with what they were solved by.
-pub(super) type Recorded = (elements::Settings, Recording);
 
 /// A run in physical time.
 pub(crate) struct PhysicalRun {
@@ -223,7 +220,12 @@ impl FrozenRunner {
                         true => {
                             let mut keeper = Keeper::recording(observer);
                             let solution = simulator.run(0.0, end, x, &mut keeper);
-                            recorded = keeper.recording.map(|recording| (settings, recording));
+                            recorded = keeper.recording.map(|recording| Recorded {
+                                settings,
+                                recording,
+                                turns: Vec::new(),
+                                clock: Some(self.map.clock),
+                            });
                             solution
                         }
                     };
@@ -247,7 +249,7 @@ impl FrozenRunner {
     /// start, moves nothing of these.
     pub fn differentiate(
         &self,
-        (settings, recording): &Recorded,
+        recorded: &Recorded,
         directions: &Directions,
         instants: &[Moment],
     ) -> Option<Sensitivities> {
@@ -264,8 +266,7 @@ impl FrozenRunner {
         for by in &mut directions.parameters {
             by.resize(complementarity.parameters.len(), 0.0);
         }
-        let of = (settings, Some(self.map.clock));
-        let found = elements::differentiate(complementarity, of, recording, &directions, instants);
+        let found = elements::differentiate(complementarity, recorded, &directions, instants);
         Some(self.map.sensed(found.ok()?))
     }
 
