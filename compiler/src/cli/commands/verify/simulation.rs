@@ -1,5 +1,7 @@
 //! A simulation by events, and by finite elements with every lowering.
 
+use std::borrow::Cow;
+
 use super::{Subject, Verified, exit, refusal};
 use crate::cli::progress::Bar;
 use crate::cli::project::{self, Project};
@@ -122,7 +124,11 @@ fn ride(
     let (exprs, mut diags) = (Exprs::new(), Diagnostics::new());
     let (file, mut clock) = (&project.file, Clock::default());
     let overrides = subject.overrides;
-    let compiled = compile(&exprs, file, experiment, overrides, &mut clock, &mut diags);
+    let mut experiment = Cow::Borrowed(experiment);
+    if experiment.is_sensed() {
+        experiment.to_mut().open_sensed();
+    }
+    let compiled = compile(&exprs, file, &experiment, overrides, &mut clock, &mut diags);
     let Some(mut compiled) = compiled.filter(|_| !diags.has_errors()) else {
         return Err(diags);
     };
