@@ -45,11 +45,11 @@ pub use emit::{Elements, Multipliers, Observer};
 use fold::{Folds, Length, Reached};
 use march::{March, Piece};
 pub use run::Rungs;
-pub use tangents::{Recorded, Recording, Turn, differentiate};
 pub use stepping::{Stepper, SteppingSettings};
 pub use system::{
     ComplementaritySystem, Disc, Full, Member, NEGLIGIBLE, Pair, Reduced, Switch, Watched, Zero,
 };
+pub use tangents::{Recorded, Recording, Turn, differentiate};
 
 /// What the user may choose.
 #[derive(Clone, Debug)]

@@ -179,7 +179,14 @@ impl<'r> Forward<'r> {
         for &d in directions {
             self.tangents[d] = None;
             let switches = switches.to_vec();
-            self.found.lose(d, Loss { time, why, switches });
+            self.found.lose(
+                d,
+                Loss {
+                    time,
+                    why,
+                    switches,
+                },
+            );
         }
     }
 
@@ -483,7 +490,8 @@ impl<'r> Forward<'r> {
         let size: f64 = gradient
             .map(|&(j, g)| g.abs() * self.sizes.states.of(j))
             .sum();
-        let is_near = approach.distance.abs() <= approach.rounding.max(self.run.accuracy.closeness() * size);
+        let is_near =
+            approach.distance.abs() <= approach.rounding.max(self.run.accuracy.closeness() * size);
         if is_near && !self.run.observers[approach.switch] {
             self.lose_all(approach.time, Why::Grazing, &[approach.switch]);
         }

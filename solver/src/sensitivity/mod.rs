@@ -31,8 +31,8 @@ mod variational;
 mod why;
 
 pub use asked::{Directions, EventTime, Moment, Sensitivities};
-pub(crate) use functions::{Derivatives, locked};
 pub(crate) use functions::Moved;
+pub(crate) use functions::{Derivatives, locked};
 pub(crate) use meeting::is_off;
 pub(crate) use run::Accuracy;
 pub(crate) use saltation::{Slope, least_rate};

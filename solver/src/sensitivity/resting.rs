@@ -137,7 +137,8 @@ impl Way<'_> {
             time: 0.0,
         };
         let [sum, size] = functions.along(&surface.slopes, moved, d);
-        let is_close = surface.value.abs() * size <= self.run.accuracy.width() * sum.abs() * surface.terms;
+        let is_close =
+            surface.value.abs() * size <= self.run.accuracy.width() * sum.abs() * surface.terms;
         let is_off = sum != 0.0 && sum.abs() > STAYS * self.run.accuracy.faded() * size && is_close;
         is_off || sum.is_nan() || size.is_nan()
     }

@@ -38,14 +38,19 @@ impl Sensed {
             for ((x, own), other) in a.samples.states.iter().zip(&own.states).zip(&other.states) {
                 let floor = SMALL * largest_of(&[x]) * unit;
                 let size = largest_of(&[own, other]).max(floor);
-                let at = |&(k, other_k): &(usize, usize)| farthest(own.at(k), other.at(other_k)) / size;
+                let at =
+                    |&(k, other_k): &(usize, usize)| farthest(own.at(k), other.at(other_k)) / size;
                 all.along = rows.iter().map(at).fold(all.along, f64::max);
                 let is_last = |&&(k, _): &&(usize, usize)| {
                     (a.samples.time[k] - horizon).abs() <= SAME_INSTANT * horizon
                 };
                 all.end = rows.iter().filter(is_last).map(at).fold(all.end, f64::max);
             }
-            let times = moved((&own.events, &other.events), window * horizon, SMALL * horizon * unit);
+            let times = moved(
+                (&own.events, &other.events),
+                window * horizon,
+                SMALL * horizon * unit,
+            );
             all.times = all.times.max(times);
         }
         found
@@ -59,7 +64,12 @@ impl Sensed {
 
 /// The part of itself by which a state that is as sensitive as any changes with p: one over the size of p, if that is more.
 fn unit(run: &Trajectory, own: &Sensitivity, other: &Sensitivity) -> f64 {
-    let states = run.samples.states.iter().zip(&own.states).zip(&other.states);
+    let states = run
+        .samples
+        .states
+        .iter()
+        .zip(&own.states)
+        .zip(&other.states);
     let shares = states.map(|((x, own), other)| largest_of(&[own, other]) / largest_of(&[x]));
     let value = value(run, &own.to).unwrap_or(0.0).abs();
     let share = if value > 0.0 { 1.0 / value } else { 0.0 };
@@ -75,7 +85,10 @@ fn value(run: &Trajectory, to: &str) -> Option<f64> {
     };
     let name = name.unwrap_or(to);
     all.iter().find_map(|series| {
-        let place = series.entry_names().iter().position(|entry| entry == name)?;
+        let place = series
+            .entry_names()
+            .iter()
+            .position(|entry| entry == name)?;
         series.at(0).get(place).copied()
     })
 }
@@ -83,21 +96,27 @@ fn value(run: &Trajectory, to: &str) -> Option<f64> {
 /// The largest difference of two rows, where both are numbers.
 fn farthest(own: &[f64], other: &[f64]) -> f64 {
     let both = own.iter().zip(other).map(|(a, b)| (a - b).abs());
-    both.filter(|difference| !difference.is_nan()).fold(0.0, f64::max)
+    both.filter(|difference| !difference.is_nan())
+        .fold(0.0, f64::max)
 }
 
 /// The largest difference of derivatives of instants that both have, up to `window`, relative to the largest of them or
 /// `floor`.
 fn moved((own, others): (&[Moves], &[Moves]), window: f64, floor: f64) -> f64 {
     let sizes = own.iter().chain(others).map(|moves| moves.derivative.abs());
-    let size = sizes.filter(|size| size.is_finite()).fold(floor.max(LEAST_SIZE), f64::max);
+    let size = sizes
+        .filter(|size| size.is_finite())
+        .fold(floor.max(LEAST_SIZE), f64::max);
     let is_near = |a: &Moves, b: &Moves| (a.time - b.time).abs() <= window;
-    let single = |all: &[Moves], one: &Moves| all.iter().filter(|other| is_near(one, other)).count() == 1;
+    let single =
+        |all: &[Moves], one: &Moves| all.iter().filter(|other| is_near(one, other)).count() == 1;
     let pairs = own.iter().filter_map(|one| {
         let other = others.iter().find(|other| is_near(one, other))?;
         // Of several events at one instant nobody knows which is which.
         (single(own, one) && single(others, one)).then_some((one, other))
     });
     let differences = pairs.map(|(a, b)| (a.derivative - b.derivative).abs() / size);
-    differences.filter(|difference| !difference.is_nan()).fold(0.0, f64::max)
+    differences
+        .filter(|difference| !difference.is_nan())
+        .fold(0.0, f64::max)
 }

@@ -63,8 +63,14 @@ fn write(all: &Roads, text: &mut String) -> fmt::Result {
     let pairs = (1..n).flat_map(|b| (0..b).map(move |a| (a, b)));
     let pairs = pairs.filter_map(|(a, b)| Some((a, b, all.difference(a, b)?)));
     let pairs: Vec<(usize, usize, Difference)> = pairs.collect();
-    if pairs.iter().any(|(_, _, difference)| difference.sensed.is_some()) {
-        writeln!(text, "  behind them those of derivatives, relative to the sizes of these")?;
+    if pairs
+        .iter()
+        .any(|(_, _, difference)| difference.sensed.is_some())
+    {
+        writeln!(
+            text,
+            "  behind them those of derivatives, relative to the sizes of these"
+        )?;
     }
     for (a, b, difference) in pairs {
         let times = match difference.times {

@@ -180,7 +180,12 @@ impl Active {
     }
 
     /// The rows of f and r at a node.
-    pub fn at_node(&mut self, scheme: &Scheme, node: usize, parameters: &Parameters) -> Vec<Vec<f64>> {
+    pub fn at_node(
+        &mut self,
+        scheme: &Scheme,
+        node: usize,
+        parameters: &Parameters,
+    ) -> Vec<Vec<f64>> {
         self.enter(scheme, node);
         let inputs = self.inputs(parameters);
         let of = (self.equations.tape.n_outputs(), &self.equations.slopes);
@@ -353,7 +358,10 @@ impl Projected {
     pub fn tangent(&self, (time, x, w): (f64, &[f64], &[f64]), direction: usize) -> Vec<f64> {
         let own = self.inputs.n_own();
         let with = |row: &Vec<f64>, more: &[f64]| {
-            let terms = row[1..].iter().zip(x.iter().chain(more)).map(|(a, b)| a * b);
+            let terms = row[1..]
+                .iter()
+                .zip(x.iter().chain(more))
+                .map(|(a, b)| a * b);
             row[0] * time + terms.sum::<f64>() + row[own + direction]
         };
         let bent = x.iter().zip(&self.bent);

@@ -39,7 +39,12 @@ struct Side {
 /// Σ b_j V_j of unknowns.
 fn mean(scheme: &Scheme, unknowns: &[f64], (n, per_node): (usize, usize)) -> Vec<f64> {
     let mut mean = vec![0.0; n];
-    for (b, node) in scheme.tableau.weights.iter().zip(by_node(unknowns, per_node)) {
+    for (b, node) in scheme
+        .tableau
+        .weights
+        .iter()
+        .zip(by_node(unknowns, per_node))
+    {
         mean.iter_mut().zip(node).for_each(|(sum, v)| *sum += b * v);
     }
     mean
@@ -79,7 +84,8 @@ pub(super) fn motions(
             .collect();
         let rows = active.at_node(scheme, m, parameters);
         let known = starts.iter().zip(&mut sides).enumerate();
-        let known = known.filter_map(|(d, (start, side))| Some((d, start.as_ref()?, side.as_mut()?)));
+        let known =
+            known.filter_map(|(d, (start, side))| Some((d, start.as_ref()?, side.as_mut()?)));
         for (d, (start, length), side) in known {
             let time = start.time + c * length;
             for (place, row) in rows.iter().enumerate() {
@@ -118,8 +124,7 @@ fn ends(
     };
     let w = active.stages.w(scheme.s - 1).to_vec();
     let places = (moved(&plain), moved(&solved.mean));
-    let projected =
-        active.projected(solved.t + h, (&places.0, &places.1), &w, parameters)?;
+    let projected = active.projected(solved.t + h, (&places.0, &places.1), &w, parameters)?;
     let motion = |(d, (start, side)): (usize, (&Option<(End, f64)>, Option<Side>))| {
         let (start, length) = start.clone()?;
         let Side {
@@ -162,7 +167,11 @@ fn weights(scheme: &Scheme, sigma: f64) -> Vec<[f64; 2]> {
         }
         [integral, value]
     };
-    scheme.integrals.chunks_exact(scheme.s).map(of_node).collect()
+    scheme
+        .integrals
+        .chunks_exact(scheme.s)
+        .map(of_node)
+        .collect()
 }
 
 /// The tangent at an instant that stays, at a share of an element.
@@ -173,7 +182,8 @@ pub(super) fn within(scheme: &Scheme, solved: &Solved, motion: &Motion, sigma: f
     let shift = -(start.time + sigma * length);
     let mut tangent = start.x.clone();
     let [own, moved] = [&solved.unknowns, &motion.unknowns].map(|all| by_node(all, per_node));
-    for (([integral, value], own), moved) in weights(scheme, sigma).into_iter().zip(own).zip(moved) {
+    for (([integral, value], own), moved) in weights(scheme, sigma).into_iter().zip(own).zip(moved)
+    {
         for i in 0..n {
             tangent[i] += integral * (h * moved[i] + length * own[i]) + value * own[i] * shift;
         }
@@ -193,12 +203,20 @@ pub(super) fn within(scheme: &Scheme, solved: &Solved, motion: &Motion, sigma: f
 pub(super) fn state(scheme: &Scheme, solved: &Solved, sigma: f64) -> Vec<f64> {
     let (n, per_node) = (solved.x.len(), solved.unknowns.len() / scheme.s);
     let plain = mean(scheme, &solved.unknowns, (n, per_node));
-    let shift = solved.mean.iter().zip(&plain).map(|(mean, plain)| mean - plain);
+    let shift = solved
+        .mean
+        .iter()
+        .zip(&plain)
+        .map(|(mean, plain)| mean - plain);
     let start = solved.x.iter().zip(shift);
-    let mut x: Vec<f64> = start.map(|(x, shift)| x + sigma * solved.h * shift).collect();
+    let mut x: Vec<f64> = start
+        .map(|(x, shift)| x + sigma * solved.h * shift)
+        .collect();
     let nodes = by_node(&solved.unknowns, per_node);
     for ([integral, _], node) in weights(scheme, sigma).into_iter().zip(nodes) {
-        x.iter_mut().zip(node).for_each(|(x, v)| *x += solved.h * integral * v);
+        x.iter_mut()
+            .zip(node)
+            .for_each(|(x, v)| *x += solved.h * integral * v);
     }
     x
 }

@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use rustc_hash::FxHashMap;
 
+use super::Turn;
 use super::active::{Active, Here, Parameters};
 use super::element::{End, Motion, motions, state, within};
-use super::Turn;
 use super::recording::{Part, Piece, Recording};
 use super::zero::{Known, rate, switches, weigh};
 use crate::fesd::element::scheme::Scheme;
@@ -110,8 +110,9 @@ impl<'r> Pass<'r> {
             }
             match part {
                 Part::Piece(piece) => {
+                    let own = self.ends_of(piece);
                     self.piece(piece, last == Some(at));
-                    self.turn(piece.until);
+                    self.turn(piece.until, &own);
                 }
                 Part::Event { time } => self.event(*time),
                 Part::Fold { time } => {
@@ -143,11 +144,26 @@ impl<'r> Pass<'r> {
         }
     }
 
-    /// Surfaces that were touched up to an instant, or were not as far as that can be told.
-    fn turn(&mut self, until: f64) {
-        let (now, later) = self.of.turns.split_at(self.of.turns.partition_point(|turn| turn.time <= until));
+    /// The switches that a piece begins or ends with.
+    fn ends_of(&self, piece: &Piece) -> Vec<usize> {
+        let met = self.last.iter().filter_map(|last| last.met.as_ref());
+        let at_end = piece
+            .member
+            .map(|k| switches(self.of.system, &piece.reduced, k));
+        met.map(|met| &met.0)
+            .chain(&at_end)
+            .flatten()
+            .copied()
+            .collect()
+    }
+
+    /// Surfaces that were touched up to an instant, or were not as far as that can be told; on those of switches that the
+    /// elements before it begin or end with these do so.
+    fn turn(&mut self, until: f64, ends: &[usize]) {
+        let place = self.of.turns.partition_point(|turn| turn.time <= until);
+        let (now, later) = self.of.turns.split_at(place);
         self.of.turns = later;
-        for turn in now {
+        for turn in now.iter().filter(|turn| !ends.contains(&turn.switch)) {
             if turn.distance.abs() <= self.of.accuracy.closeness() * turn.size {
                 self.lose_all(turn.time, (Why::Grazing, vec![turn.switch]));
             }
@@ -219,7 +235,9 @@ impl<'r> Pass<'r> {
             },
         };
         self.write(rows, &lengths);
-        let about = piece.member.map(|k| switches(self.of.system, &piece.reduced, k));
+        let about = piece
+            .member
+            .map(|k| switches(self.of.system, &piece.reduced, k));
         self.last = Some(Last {
             reduced: piece.reduced.clone(),
             numbers: piece.numbers.clone(),
@@ -396,7 +414,11 @@ impl<'r> Pass<'r> {
         for (at, solved) in piece.elements.iter().enumerate() {
             found = motions(active, self.of.scheme, solved, &starts, &self.parameters)?;
             let ends_piece = at + 1 == piece.elements.len();
-            let until = if ends_piece { piece.until } else { solved.stop().0 };
+            let until = if ends_piece {
+                piece.until
+            } else {
+                solved.stop().0
+            };
             let ends = (until, is_last && ends_piece);
             self.read(active, (solved, &found), ends, &mut rows);
             for (start, motion) in starts.iter_mut().zip(&found) {
@@ -440,9 +462,8 @@ impl<'r> Pass<'r> {
                     None,
                 ),
             };
-            let tangent = |motion: &Option<Motion>| {
-                Some(within(scheme, solved, motion.as_ref()?, sigma))
-            };
+            let tangent =
+                |motion: &Option<Motion>| Some(within(scheme, solved, motion.as_ref()?, sigma));
             rows.push(Row {
                 point: [x, alpha].concat(),
                 tangents: motions.iter().map(tangent).collect(),

@@ -21,9 +21,13 @@ pub struct Recording {
 pub(super) enum Part {
     Piece(Piece),
     /// Switches have changed.
-    Event { time: f64 },
+    Event {
+        time: f64,
+    },
     /// A step whose independent variable is not time, which a fold has.
-    Fold { time: f64 },
+    Fold {
+        time: f64,
+    },
 }
 
 /// Elements of equal length in one active set, up to a switch or an instant that is known.

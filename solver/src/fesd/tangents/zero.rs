@@ -50,7 +50,9 @@ impl Here {
 
     /// Whether what the active set keeps at zero does not stay so in a direction.
     pub fn is_not_kept(&self, moved: Moved, direction: usize) -> bool {
-        self.kept.iter().any(|slope| is_left(slope, moved, direction))
+        self.kept
+            .iter()
+            .any(|slope| is_left(slope, moved, direction))
     }
 
     /// The tangent of the states that equations determine, for one of the others.
@@ -58,7 +60,12 @@ impl Here {
     /// # Errors
     ///
     /// Where they do not determine it.
-    pub fn keep(&self, algebraic: &[usize], x: &mut [f64], direction: usize) -> Result<(), Singular> {
+    pub fn keep(
+        &self,
+        algebraic: &[usize],
+        x: &mut [f64],
+        direction: usize,
+    ) -> Result<(), Singular> {
         algebraic.iter().for_each(|&i| x[i] = 0.0);
         let m = algebraic.len();
         let (mut matrix, mut rhs) = (vec![0.0; m * m], vec![0.0; m]);
@@ -67,25 +74,41 @@ impl Here {
             let [off, _] = slope.along(Moved::still(x), direction);
             for (j, a) in own.iter().enumerate() {
                 rhs[j] -= a * off;
-                own.iter().enumerate().for_each(|(k, b)| matrix[j * m + k] += a * b);
+                own.iter()
+                    .enumerate()
+                    .for_each(|(k, b)| matrix[j * m + k] += a * b);
             }
         }
         let mut lu = DenseLu::new(m);
         lu.factor(&matrix)?;
         lu.solve(&mut rhs);
-        algebraic.iter().zip(rhs).for_each(|(&i, value)| x[i] = value);
+        algebraic
+            .iter()
+            .zip(rhs)
+            .for_each(|(&i, value)| x[i] = value);
         Ok(())
     }
 }
 
 fn is_left(slope: &Slope, moved: Moved, direction: usize) -> bool {
     let [sum, size] = slope.along(moved, direction);
-    if is_off(sum, size) && std::env::var("DBG").is_ok() { eprintln!("left d{direction} sum {sum:e} size {size:e} slope {slope:?} moved {:?} size {:?} time {:e}", moved.x, moved.size, moved.time); }
+    if is_off(sum, size) && std::env::var("DBG").is_ok() {
+        eprintln!(
+            "left d{direction} sum {sum:e} size {size:e} slope {slope:?} moved {:?} size {:?} time {:e}",
+            moved.x, moved.size, moved.time
+        );
+    }
     is_off(sum, size)
 }
 
 /// The switches that a watched member is about.
-pub(super) fn switches(system: &ComplementaritySystem, reduced: &Reduced, member: usize) -> Vec<usize> {
+pub(super) fn switches(
+    system: &ComplementaritySystem,
+    reduced: &Reduced,
+    member: usize,
+) -> Vec<usize> {
     let watched = reduced.watched.get(member);
-    watched.map_or(Vec::new(), |watched| system.switches_of[watched.pair].clone())
+    watched.map_or(Vec::new(), |watched| {
+        system.switches_of[watched.pair].clone()
+    })
 }

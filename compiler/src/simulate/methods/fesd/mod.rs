@@ -15,8 +15,8 @@ use std::ops::ControlFlow;
 use nsd_solver::event::{self, Event, Observer, Segment};
 use nsd_solver::fesd::{self, Elements, Grid, Recorded, Recording, Rungs};
 use nsd_solver::hybrid::Outcome;
-use nsd_solver::sensitivity::{Directions, Moment, Sensitivities};
 use nsd_solver::integrate::tableau::Family;
+use nsd_solver::sensitivity::{Directions, Moment, Sensitivities};
 
 pub(crate) use compiled::{Compiled, Ran};
 pub use complementarity::complementarity;
@@ -202,7 +202,7 @@ impl<'e> Run<'e> for ByElements {
             let recorded = recording.map(|recording| Recorded {
                 settings,
                 recording,
-                turns: turned.told(problem.system, &mut self.surfaces),
+                turns: turned.told(problem.system, &mut self.surfaces, horizon),
                 clock: None,
             });
             self.left = Left {

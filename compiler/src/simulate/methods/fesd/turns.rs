@@ -25,6 +25,8 @@ const CLOSE: f64 = 1e-2;
 const SECTIONS: usize = 60;
 /// What is closer to an end of an element than this share of it is the end.
 const END: f64 = 1e-6;
+/// What bends by less than this share of its terms over the horizon does not turn.
+const RESTS: f64 = 1e-8;
 /// What estimates of errors may fall short by.
 const SAFETY: f64 = 2.0;
 /// Roundings that ψ and the states in it have seen.
@@ -264,19 +266,21 @@ impl Turned {
         terms.map(|(g, s)| g.abs() * s).sum()
     }
 
-    /// The turns, as derivatives ask for them.
-    pub fn told(&self, system: &System, surfaces: &mut Surfaces) -> Vec<fesd::Turn> {
+    /// The turns of a run over a horizon, as derivatives ask for them: not those of ψ that rests.
+    pub fn told(&self, system: &System, surfaces: &mut Surfaces, horizon: f64) -> Vec<fesd::Turn> {
         let told = |turn: &Turn| {
             let [_, gradient] = surfaces.rates_and_gradient(system, turn.switch);
             let gradient = gradient.at(system, turn.time, turn.time, &turn.x, &turn.alpha);
-            fesd::Turn {
+            let size = self.reach(gradient);
+            let turns = turn.bend * horizon.powi(2) > RESTS * size;
+            turns.then_some(fesd::Turn {
                 switch: turn.switch,
                 time: turn.time,
                 distance: turn.distance,
-                size: self.reach(gradient),
-            }
+                size,
+            })
         };
-        let mut all: Vec<fesd::Turn> = self.found.iter().map(told).collect();
+        let mut all: Vec<fesd::Turn> = self.found.iter().filter_map(told).collect();
         all.sort_by(|a, b| a.time.total_cmp(&b.time));
         all
     }

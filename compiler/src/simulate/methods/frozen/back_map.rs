@@ -101,7 +101,10 @@ impl BackMap {
         let switch = |frozen: usize| {
             let mut places = self.places.iter();
             let own = places.position(|place| *place == Some(frozen));
-            let contact = self.contacts.iter().find(|contact| contact.switch == frozen);
+            let contact = self
+                .contacts
+                .iter()
+                .find(|contact| contact.switch == frozen);
             own.or(contact.map(|contact| contact.contact))
         };
         found.seen(point, |tangent| of_switches(tangent, 0.0), switch)
