@@ -358,6 +358,35 @@ fn examples_agree_with_events() {
     }
 }
 
+/// A weighted sum has the gradient that derivatives of what it is made of say.
+#[test]
+fn sums_have_gradients() {
+    let text =
+        "model m { param k = 2; param a = 1; state x = a; output u = x^2; x' = -k*sign(x) + time; }
+        simulate s of m { horizon 3; output at [0.2, 2.5]; sensitivity to k, a; }";
+    let gradient = |settings: &str| {
+        let options = Options {
+            weights: Some(vec![
+                ("x".to_owned(), vec![0.3, 2.0]),
+                ("u".to_owned(), vec![-1.0, 0.5]),
+            ]),
+            tolerance: Some(1e-11),
+            ..Options::default()
+        };
+        let project = Project::from_text("model.nsd", &with(text, settings));
+        let run = project.run("s", &options, &mut ()).expect("it runs");
+        run.trajectory.samples.gradient.expect("it has one")
+    };
+    // x(0.2) = a - 0.2 k + 0.02 = 0.62 and x(2.5) = (2.5 - k)²/2 = 1/8.
+    let [first, last] = [0.3 - 2.0 * 0.62, 2.0 + 0.125];
+    for (found, expected) in gradient("method fesd;")
+        .iter()
+        .zip([-0.2 * first - 0.5 * last, first])
+    {
+        near(*found, expected, 1e-9);
+    }
+}
+
 /// Where there is no derivative both roads say so, at the same instant, for the same reason and surfaces.
 #[test]
 fn what_is_lost_is_said() {

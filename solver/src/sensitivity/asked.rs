@@ -2,6 +2,9 @@
 
 use super::why::Loss;
 
+/// Instants of a clock that stands still are this close, as a share of them.
+const ONE_INSTANT: f64 = 1e-9;
+
 /// By what a run is differentiated: for each direction, what it does to the start and to the parameters.
 #[derive(Clone, Debug, Default)]
 pub struct Directions {
@@ -112,7 +115,10 @@ impl Sensitivities {
         for loss in self.lost.iter_mut().flatten() {
             loss.switches = loss.switches.iter().filter_map(|&k| switch(k)).collect();
         }
-        self.events.dedup_by(|next, kept| next.time == kept.time);
+        let is_one = |next: &EventTime, kept: &EventTime| {
+            (next.time - kept.time).abs() <= ONE_INSTANT * kept.time.abs()
+        };
+        self.events.dedup_by(|next, kept| is_one(next, kept));
         self
     }
 

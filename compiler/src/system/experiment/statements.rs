@@ -265,9 +265,14 @@ impl Statements<'_, '_> {
     /// Why runs are not differentiated.
     fn undifferentiated(&self) -> Option<String> {
         let method = self.numerics.method.kind();
-        if !method.takes(Feature::Derivatives) || self.fit.is_some() && !method.is_by_events() {
-            let word = method.word();
+        let word = method.word();
+        if !method.takes(Feature::Derivatives) {
             return Some(format!("runs by `method {word}` are not differentiated"));
+        }
+        if self.fit.is_some() && !method.is_by_events() {
+            return Some(format!(
+                "a fit runs from event to event, not by `method {word}`"
+            ));
         }
         let is_frozen = self.numerics.lowerings.contains(&Lowering::TimeFreezing);
         let why = if is_frozen && !method.needs_dcs() {

@@ -14,6 +14,7 @@ mod active;
 mod element;
 mod pass;
 mod recording;
+mod rows;
 mod zero;
 
 pub use recording::Recording;
@@ -21,6 +22,7 @@ pub use recording::Recording;
 use super::{ComplementaritySystem, Grid, MATTERS, Settings};
 use crate::fesd::element::scheme::Scheme;
 use crate::integrate::tableau::{Tableau, TableauError};
+use crate::runtime::limit::Limit;
 use crate::sensitivity::{Accuracy, Directions, Moment, Sensitivities};
 
 /// A surface that a run came close to and left again.
@@ -49,6 +51,26 @@ pub struct Recorded {
     pub clock: Option<usize>,
 }
 
+/// What has been run, and how well that is known.
+#[derive(Clone, Copy)]
+struct Of<'r> {
+    system: &'r ComplementaritySystem,
+    scheme: &'r Scheme,
+    accuracy: Accuracy,
+    limit: &'r Limit,
+    /// The state that is the time of what is asked and told, where that of the run is another one.
+    clock: Option<usize>,
+    /// Surfaces that the run came close to, in order.
+    turns: &'r [Turn],
+}
+
+impl Of<'_> {
+    /// The time of what is told.
+    fn time(&self, t: f64, x: &[f64]) -> f64 {
+        self.clock.map_or(t, |clock| x[clock])
+    }
+}
+
 /// Differentiates a run of a system that has been recorded, at instants in order.
 ///
 /// # Errors
@@ -66,7 +88,7 @@ pub fn differentiate(
         Grid::Adaptive { tolerance } => tolerance,
         Grid::Steps { .. } => MATTERS,
     });
-    let of = pass::Of {
+    let of = Of {
         system,
         scheme: &scheme,
         accuracy,

@@ -4,43 +4,21 @@ use std::sync::Arc;
 
 use rustc_hash::FxHashMap;
 
-use super::Turn;
+use super::Of;
 use super::active::{Active, Here, Parameters};
-use super::element::{End, Motion, motions, state, within};
+use super::element::{End, Motion, motions};
 use super::recording::{Part, Piece, Recording};
+use super::rows::{Row, read};
 use super::zero::{Known, rate, switches, weigh};
-use crate::fesd::element::scheme::Scheme;
 use crate::fesd::element::solved::Solved;
-use crate::fesd::system::{ComplementaritySystem, Reduced};
+use crate::fesd::system::Reduced;
 use crate::linalg::Singular;
-use crate::runtime::limit::Limit;
 use crate::sensitivity::{
-    Accuracy, Directions, EventTime, Loss, Moment, Moved, Sensitivities, Sizes, Slope, Why,
-    least_rate,
+    Directions, EventTime, Loss, Moment, Moved, Sensitivities, Sizes, Why, least_rate,
 };
 
 /// Rounding of rounding, over the share of its size up to which a tangent is none.
 const ROUNDED: f64 = 1e6 * f64::EPSILON * f64::EPSILON;
-
-/// What has been run, and how well that is known.
-#[derive(Clone, Copy)]
-pub(super) struct Of<'r> {
-    pub system: &'r ComplementaritySystem,
-    pub scheme: &'r Scheme,
-    pub accuracy: Accuracy,
-    pub limit: &'r Limit,
-    /// The state that is the time of what is asked and told, where that of the run is another one.
-    pub clock: Option<usize>,
-    /// Surfaces that the run came close to, in order.
-    pub turns: &'r [Turn],
-}
-
-impl Of<'_> {
-    /// The time of what is told.
-    fn time(&self, t: f64, x: &[f64]) -> f64 {
-        self.clock.map_or(t, |clock| x[clock])
-    }
-}
 
 /// The tangents of a run, so far.
 pub(super) struct Pass<'r> {
@@ -67,17 +45,6 @@ struct Last {
 
 /// Why all directions are lost, and the switches that it is about.
 type Failed = (Why, Vec<usize>);
-
-/// A row that waits for the lengths of its elements.
-struct Row {
-    point: Vec<f64>,
-    /// x'.
-    f: Vec<f64>,
-    /// By direction, the last of which is the length.
-    tangents: Vec<Option<Vec<f64>>>,
-    /// α of what slides; none where w is not found.
-    sliding: Option<Vec<(usize, Slope)>>,
-}
 
 impl<'r> Pass<'r> {
     pub fn new(of: Of<'r>, directions: &Directions, instants: &[Moment]) -> Self {
@@ -115,10 +82,10 @@ impl<'r> Pass<'r> {
                     self.turn(piece.until, &own);
                 }
                 Part::Event { time } => self.event(*time),
-                Part::Fold { time } => {
+                Part::Fold { time, sliding } => {
                     let last = self.last.as_ref();
                     let time = last.map_or(*time, |last| self.of.time(*time, &last.x));
-                    self.lose_all(time, (Why::Fold, Vec::new()));
+                    self.lose_all(time, (Why::Fold, sliding.clone()));
                 }
             }
         }
@@ -420,7 +387,8 @@ impl<'r> Pass<'r> {
                 solved.stop().0
             };
             let ends = (until, is_last && ends_piece);
-            self.read(active, (solved, &found), ends, &mut rows);
+            let asked = (&self.found, &self.parameters);
+            read(&self.of, asked, active, (solved, &found), ends, &mut rows);
             for (start, motion) in starts.iter_mut().zip(&found) {
                 if let (Some((start, _)), Some(motion)) = (start, motion) {
                     *start = motion.end.clone();
@@ -428,49 +396,6 @@ impl<'r> Pass<'r> {
             }
         }
         Ok((rows, found))
-    }
-
-    /// The instants inside of an element.
-    fn read(
-        &self,
-        active: &mut Active,
-        (solved, motions): (&Solved, &[Option<Motion>]),
-        (until, is_last): (f64, bool),
-        rows: &mut Vec<Row>,
-    ) {
-        let span = Span::of(&self.of, solved, until);
-        if span.stands() && !is_last {
-            return;
-        }
-        while let Some(moment) = self.found.next(rows.len()) {
-            if !(span.holds(moment) || is_last) {
-                break;
-            }
-            let scheme = self.of.scheme;
-            let sigma = span.share(&self.of, solved, moment.time);
-            let x = state(scheme, solved, sigma);
-            let t = match self.of.clock {
-                None => moment.time,
-                Some(_) => solved.t + sigma * solved.h,
-            };
-            let here = active.here((t, &x, &solved.w), &self.parameters);
-            let (alpha, f, sliding) = match here {
-                Ok(here) => (here.alpha, here.f, Some(here.sliding)),
-                Err(_) => (
-                    vec![f64::NAN; active.reduced.sides.len()],
-                    vec![f64::NAN; x.len()],
-                    None,
-                ),
-            };
-            let tangent =
-                |motion: &Option<Motion>| Some(within(scheme, solved, motion.as_ref()?, sigma));
-            rows.push(Row {
-                point: [x, alpha].concat(),
-                tangents: motions.iter().map(tangent).collect(),
-                sliding,
-                f,
-            });
-        }
     }
 
     /// How the length of the elements of a piece moves whose end stays, by direction.
@@ -516,38 +441,10 @@ impl<'r> Pass<'r> {
 
     /// Writes the rows of a piece down.
     fn write(&mut self, rows: Vec<Row>, lengths: &[f64]) {
-        let (n, clock) = (self.of.system.n_states(), self.of.clock);
-        for Row {
-            point,
-            f,
-            mut tangents,
-            sliding,
-        } in rows
-        {
-            let of_length = tangents.pop().flatten().unwrap_or_default();
-            let whole = |(d, tangent): (usize, Option<Vec<f64>>)| {
-                let (mut whole, sliding) = (tangent?, sliding.as_ref()?);
-                for (value, by) in whole.iter_mut().zip(&of_length) {
-                    *value += lengths[d] * by;
-                }
-                // At an instant of the clock.
-                let time = clock.map_or(0.0, |clock| -whole[clock] / f[clock]);
-                if clock.is_some() {
-                    whole.iter_mut().zip(&f).for_each(|(x, f)| *x += f * time);
-                }
-                let x = whole.clone();
-                whole.resize(point.len(), 0.0);
-                for (i, slope) in sliding {
-                    let moved = Moved {
-                        time,
-                        ..Moved::still(&x)
-                    };
-                    whole[n + i] = slope.along(moved, d)[0];
-                }
-                Some(whole)
-            };
-            let all = tangents.into_iter().enumerate().map(whole).collect();
-            self.found.push(point, all);
+        let shape = (self.of.system.n_states(), self.of.clock);
+        for row in rows {
+            let (point, tangents) = row.whole(shape, lengths);
+            self.found.push(point, tangents);
         }
     }
 
@@ -628,65 +525,6 @@ impl<'r> Pass<'r> {
     fn time_behind(&self, piece: &Piece) -> f64 {
         let last = self.last.as_ref();
         last.map_or(piece.until, |last| self.of.time(piece.until, &last.x))
-    }
-}
-
-/// The times from the start of an element to its end.
-struct Span {
-    start: f64,
-    end: f64,
-    /// Times that are closer are one.
-    near: f64,
-    h: f64,
-}
-
-impl Span {
-    /// The clock stands still where it is slower than this.
-    const STANDS: f64 = 1e-9;
-
-    fn of(of: &Of, solved: &Solved, until: f64) -> Self {
-        let (start, end) = match of.clock {
-            None => (solved.t, until),
-            Some(clock) => {
-                let start = solved.x[clock];
-                (start, start + solved.h * solved.mean[clock])
-            }
-        };
-        Span {
-            near: match of.clock {
-                None => 0.0,
-                Some(_) => 1e-12 * end.abs(),
-            },
-            h: solved.h,
-            start,
-            end,
-        }
-    }
-
-    fn stands(&self) -> bool {
-        self.end - self.start < Span::STANDS * self.h
-    }
-
-    fn holds(&self, Moment { time, is_behind }: Moment) -> bool {
-        time < self.end - self.near || time <= self.end + self.near && !is_behind
-    }
-
-    /// The share of the element at a time.
-    fn share(&self, of: &Of, solved: &Solved, time: f64) -> f64 {
-        const ITERATIONS: usize = 20;
-        if time >= self.end - self.near {
-            return 1.0;
-        }
-        let Some(clock) = of.clock else {
-            return ((time - solved.t - solved.t_low) / solved.h).clamp(0.0, 1.0);
-        };
-        let length = self.end - self.start;
-        let mut share = ((time - self.start) / length).clamp(0.0, 1.0);
-        for _ in 0..ITERATIONS {
-            let off = time - state(of.scheme, solved, share)[clock];
-            share = (share + off / length).clamp(0.0, 1.0);
-        }
-        share
     }
 }
 

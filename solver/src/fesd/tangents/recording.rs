@@ -7,6 +7,7 @@ use crate::event::{Event, Segment};
 use crate::fesd::element::solved::Solved;
 use crate::fesd::emit::{Elements, Observer};
 use crate::fesd::system::Reduced;
+use crate::hybrid::Side;
 
 /// All elements and events of a run, in order.
 #[derive(Clone, Debug, Default)]
@@ -57,9 +58,13 @@ impl crate::event::Observer for Recording {
     fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
         match self.known.checked_sub(1) {
             Some(left) => self.known = left,
-            None => self.parts.push(Part::Fold {
-                time: segment.start,
-            }),
+            None => {
+                let slides = |&i: &usize| segment.sides[i] == Side::Slide;
+                self.parts.push(Part::Fold {
+                    time: segment.start,
+                    sliding: (0..segment.sides.len()).filter(slides).collect(),
+                });
+            }
         }
         ControlFlow::Continue(())
     }
