@@ -375,7 +375,7 @@ fn sums_have_gradients() {
         };
         let project = Project::from_text("model.nsd", &with(text, settings));
         let run = project.run("s", &options, &mut ()).expect("it runs");
-        run.trajectory.samples.gradient.expect("it has one")
+        run.trajectory.samples.gradient.clone().expect("it has one")
     };
     // x(0.2) = a - 0.2 k + 0.02 = 0.62 and x(2.5) = (2.5 - k)²/2 = 1/8.
     let [first, last] = [0.3 - 2.0 * 0.62, 2.0 + 0.125];

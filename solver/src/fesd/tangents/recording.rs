@@ -25,9 +25,10 @@ pub(super) enum Part {
     Event {
         time: f64,
     },
-    /// A step whose independent variable is not time, which a fold has.
+    /// A step whose independent variable is not time, ahead of a fold, with what slides in it.
     Fold {
         time: f64,
+        sliding: Vec<usize>,
     },
 }
 
