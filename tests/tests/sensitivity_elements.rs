@@ -367,8 +367,8 @@ fn sums_have_gradients() {
     let gradient = |settings: &str| {
         let options = Options {
             weights: Some(vec![
-                ("x".to_owned(), vec![0.3, 2.0]),
-                ("u".to_owned(), vec![-1.0, 0.5]),
+                ("x".to_owned(), vec![0.3, 2.0, 0.0]),
+                ("u".to_owned(), vec![-1.0, 0.5, 0.0]),
             ]),
             tolerance: Some(1e-11),
             ..Options::default()

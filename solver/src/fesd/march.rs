@@ -29,6 +29,17 @@ pub(crate) struct Piece {
     pub reaches_end: bool,
 }
 
+impl Piece {
+    /// One element.
+    pub fn single(event: Option<usize>, reaches_end: bool) -> Self {
+        Piece {
+            elements: 1,
+            event,
+            reaches_end,
+        }
+    }
+}
+
 /// What a polynomial of a member may miss it by, as a share of its values (chosen by trial).
 const FOLLOWS: f64 = 0.01;
 

@@ -437,11 +437,7 @@ impl<'s> Simulator<'s> {
             if stalled > MAX_STALLED {
                 return Err(Status::Unsolved);
             }
-            let piece = Piece {
-                elements: 1,
-                event,
-                reaches_end: event.is_none() && length == left,
-            };
+            let piece = Piece::single(event, event.is_none() && length == left);
             march.report(modes, run, &piece, t1, observer)?;
             // What was cut off by a switch or the end says less than what was tried.
             h = if event.is_some() || length == left {

@@ -2,9 +2,6 @@
 
 use super::why::Loss;
 
-/// Instants of a clock that stands still are this close, as a share of them.
-const ONE_INSTANT: f64 = 1e-9;
-
 /// By what a run is differentiated: for each direction, what it does to the start and to the parameters.
 #[derive(Clone, Debug, Default)]
 pub struct Directions {
@@ -101,7 +98,7 @@ impl Sensitivities {
     }
 
     /// The same of another system, whose states and α follow from these, as their tangents do, with those of its switches
-    /// that are among these; events of one instant are one.
+    /// that are among these.
     pub fn seen(
         mut self,
         point: impl Fn(&[f64]) -> Vec<f64>,
@@ -115,10 +112,6 @@ impl Sensitivities {
         for loss in self.lost.iter_mut().flatten() {
             loss.switches = loss.switches.iter().filter_map(|&k| switch(k)).collect();
         }
-        let is_one = |next: &EventTime, kept: &EventTime| {
-            (next.time - kept.time).abs() <= ONE_INSTANT * kept.time.abs()
-        };
-        self.events.dedup_by(|next, kept| is_one(next, kept));
         self
     }
 

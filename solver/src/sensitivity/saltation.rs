@@ -592,8 +592,8 @@ impl Prepared<'_> {
         let mut x: Vec<f64> = (tangent.iter().zip(&self.before.f))
             .map(|(s, f)| s + f * time)
             .collect();
-        let moved_by = (tangent, &self.before.f[..], time);
-        let mut size = of.sizes.moved(moved_by, direction, of.run.accuracy.faded());
+        let (f, faded) = (&self.before.f, of.run.accuracy.faded());
+        let mut size = of.sizes.moved((tangent, time), f, direction, faded);
         let [before, behind] = &self.held;
         self.check(functions, before, (moved(&x, &size, time), direction))?;
         for jump in &self.jumps {

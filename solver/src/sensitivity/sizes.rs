@@ -105,7 +105,8 @@ impl Sizes {
     /// how large they have been, of which this share is known at least.
     pub fn moved(
         &self,
-        (tangent, f, time): (&[f64], &[f64], f64),
+        (tangent, time): (&[f64], f64),
+        f: &[f64],
         direction: usize,
         faded: f64,
     ) -> Vec<f64> {

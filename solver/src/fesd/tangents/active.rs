@@ -244,7 +244,8 @@ impl Active {
     /// What is known where x is at an instant, near w.
     pub fn here(
         &mut self,
-        (t, x, w): (f64, &[f64], &[f64]),
+        t: f64,
+        (x, w): (&[f64], &[f64]),
         parameters: &Parameters,
     ) -> Result<Here, Singular> {
         let singular = |_| Singular { column: 0 };
@@ -355,7 +356,7 @@ impl Projected {
     }
 
     /// The tangent of x from that of x̃: dx = dx̃ + d(F_w ν) with dr = 0, where w moves, too.
-    pub fn tangent(&self, (time, x, w): (f64, &[f64], &[f64]), direction: usize) -> Vec<f64> {
+    pub fn tangent(&self, time: f64, (x, w): (&[f64], &[f64]), direction: usize) -> Vec<f64> {
         let own = self.inputs.n_own();
         let with = |row: &Vec<f64>, more: &[f64]| {
             let terms = row[1..]

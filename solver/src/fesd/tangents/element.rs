@@ -143,7 +143,7 @@ fn ends(
         };
         if let Some(projected) = &projected {
             let dw = &unknowns[(scheme.s - 1) * shape.1 + shape.0..];
-            end.x = projected.tangent((end.time, &end.x, dw), d);
+            end.x = projected.tangent(end.time, (&end.x, dw), d);
         }
         Some(Motion {
             start,

@@ -17,6 +17,9 @@ use crate::sensitivity::{
     Directions, EventTime, Loss, Moment, Moved, Sensitivities, Sizes, Why, least_rate,
 };
 
+/// Instants of a clock that stands still are this close, as a share of them, and what happens there is one event.
+const ONE_INSTANT: f64 = 1e-9;
+
 /// Rounding of rounding, over the share of its size up to which a tangent is none.
 const ROUNDED: f64 = 1e6 * f64::EPSILON * f64::EPSILON;
 
@@ -141,6 +144,10 @@ impl<'r> Pass<'r> {
         let clock = self.of.clock;
         let last = self.last.as_ref();
         let time = last.map_or(time, |last| self.of.time(time, &last.x));
+        let before = self.found.events.last().filter(|_| clock.is_some());
+        if before.is_some_and(|before| (time - before.time).abs() <= ONE_INSTANT * time.abs()) {
+            return;
+        }
         let by = |end: &Option<End>| match (end, clock) {
             (None, _) => f64::NAN,
             (Some(end), None) => end.time,
@@ -221,13 +228,13 @@ impl<'r> Pass<'r> {
         match is_end {
             true => {
                 let (t, x) = (solved.stop().0, self.end_of(solved));
-                active.here((t, &x, &solved.w), &self.parameters)
+                active.here(t, (&x, &solved.w), &self.parameters)
             }
             false => {
                 let n = solved.x.len();
                 let per_node = n + active.reduced.unknowns.len();
                 let w = &solved.unknowns[n..per_node];
-                active.here((solved.t, &solved.x, w), &self.parameters)
+                active.here(solved.t, (&solved.x, w), &self.parameters)
             }
         }
     }
@@ -295,7 +302,7 @@ impl<'r> Pass<'r> {
     fn sizes_of(&self, end: &End, f: &[f64], direction: usize) -> Vec<f64> {
         let back: Vec<f64> = end.x.iter().zip(f).map(|(x, f)| x - f * end.time).collect();
         let faded = self.of.accuracy.faded();
-        let sizes = self.sizes.moved((&back, f, end.time), direction, faded);
+        let sizes = self.sizes.moved((&back, end.time), f, direction, faded);
         // What comes to an entry through others is at least rounding of what rounding leaves of the largest one.
         let least = ROUNDED * crate::linalg::largest(&back);
         sizes.into_iter().map(|size| size + least).collect()

@@ -42,7 +42,7 @@ pub(super) fn read(
             None => moment.time,
             Some(_) => solved.t + sigma * solved.h,
         };
-        let here = active.here((t, &x, &solved.w), parameters);
+        let here = active.here(t, (&x, &solved.w), parameters);
         let (alpha, f, sliding) = match here {
             Ok(here) => (here.alpha, here.f, Some(here.sliding)),
             Err(_) => (
