@@ -10,7 +10,7 @@ use crate::fesd::system::Reduced;
 use crate::fesd::system::evaluator::Evaluator;
 use crate::fesd::system::full::{Functions, partials};
 use crate::fesd::system::hidden::Hidden;
-use crate::hybrid::Partials;
+use crate::hybrid::{Partials, Side};
 use crate::linalg::{DenseLu, Singular};
 use crate::sensitivity::Slope;
 
@@ -275,7 +275,7 @@ impl Active {
         let sliding = with_slopes(all(&self.alphas));
         let sides = &self.reduced.sides;
         let mut alpha: Vec<f64> = sides.iter().map(|side| 0.5 + 0.5 * side.sign()).collect();
-        let slides = (0..sides.len()).filter(|&i| sides[i] == crate::hybrid::Side::Slide);
+        let slides = (0..sides.len()).filter(|&i| sides[i] == Side::Slide);
         let sliding = slides.zip(sliding).map(|(i, (value, slope))| {
             alpha[i] = value;
             (i, slope)

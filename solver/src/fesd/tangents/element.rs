@@ -18,6 +18,9 @@ pub(super) struct End {
     pub time: f64,
 }
 
+/// How an element starts to move with a direction, and how its length does; none where that is not known.
+pub(super) type Start = Option<(End, f64)>;
+
 /// How an element moves with a direction.
 pub(super) struct Motion {
     start: End,
@@ -55,7 +58,7 @@ pub(super) fn motions(
     active: &mut Active,
     scheme: &Scheme,
     solved: &Solved,
-    starts: &[Option<(End, f64)>],
+    starts: &[Start],
     parameters: &Parameters,
 ) -> Result<Vec<Option<Motion>>, Singular> {
     let (s, n, per_node) = (scheme.s, active.stages.n, active.stages.per_node);
@@ -67,7 +70,7 @@ pub(super) fn motions(
     jacobian.differentiate(scheme, reduced, stages);
     let factored = jacobian.factor(scheme, reduced, stages, solved.h);
     factored.map_err(|_| Singular { column: 0 })?;
-    let side = |start: &Option<(End, f64)>| {
+    let side = |start: &Start| {
         start.as_ref().map(|_| Side {
             values: vec![0.0; s * per_node],
             sizes: vec![0.0; n],
@@ -112,7 +115,7 @@ fn ends(
     active: &mut Active,
     scheme: &Scheme,
     solved: &Solved,
-    (starts, sides): (&[Option<(End, f64)>], Vec<Option<Side>>),
+    (starts, sides): (&[Start], Vec<Option<Side>>),
     parameters: &Parameters,
 ) -> Result<Vec<Option<Motion>>, Singular> {
     let shape = (active.stages.n, active.stages.per_node);
@@ -125,7 +128,7 @@ fn ends(
     let w = active.stages.w(scheme.s - 1).to_vec();
     let places = (moved(&plain), moved(&solved.mean));
     let projected = active.projected(solved.t + h, (&places.0, &places.1), &w, parameters)?;
-    let motion = |(d, (start, side)): (usize, (&Option<(End, f64)>, Option<Side>))| {
+    let motion = |(d, (start, side)): (usize, (&Start, Option<Side>))| {
         let (start, length) = start.clone()?;
         let Side {
             values: unknowns,

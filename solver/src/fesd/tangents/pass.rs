@@ -6,12 +6,13 @@ use rustc_hash::FxHashMap;
 
 use super::Of;
 use super::active::{Active, Here, Parameters};
-use super::element::{End, Motion, motions};
+use super::element::{End, Motion, Start, motions};
 use super::recording::{Part, Piece, Recording};
 use super::rows::{Row, read};
 use super::zero::{Known, rate, switches, weigh};
 use crate::fesd::element::solved::Solved;
 use crate::fesd::system::Reduced;
+use crate::hybrid::Side;
 use crate::linalg::Singular;
 use crate::sensitivity::{
     Directions, EventTime, Loss, Moment, Moved, Sensitivities, Sizes, Why, least_rate,
@@ -195,31 +196,33 @@ impl<'r> Pass<'r> {
         let end = self.at(active, last, true).map_err(singular)?;
         let x = self.end_of(last);
         self.sizes.see(&x, &end.f);
-        let (lengths, met) = match piece.member {
-            None => (self.shifts(piece), None),
-            Some(member) => match self.meet(active, piece, member, (&motions, &end)) {
-                Ok((lengths, width)) => (lengths, Some(width)),
-                Err(why) => {
-                    // Before the switch there are derivatives.
-                    self.write(rows, &self.shifts(piece));
-                    let about = switches(self.of.system, &piece.reduced, member);
-                    self.lose_all(self.of.time(piece.until, &x), (why, about));
-                    return Ok(());
-                }
-            },
+        let found = match piece.member {
+            None => Ok((self.shifts(piece), None)),
+            Some(member) => {
+                let met = self.meet(active, piece, member, (&motions, &end));
+                met.map(|(lengths, width)| (lengths, Some(width)))
+            }
         };
-        self.write(rows, &lengths);
-        let about = piece
-            .member
-            .map(|k| switches(self.of.system, &piece.reduced, k));
+        let about = piece.member.map(|k| switches(self.of.system, reduced, k));
+        let width = found.as_ref().ok().and_then(|(_, width)| *width);
         self.last = Some(Last {
-            reduced: piece.reduced.clone(),
+            reduced: reduced.clone(),
             numbers: piece.numbers.clone(),
-            met: about.zip(met),
+            met: about.clone().zip(width),
             x,
         });
-        self.leave(piece, motions, &lengths, &end.f);
-        self.check_rest(piece, &start, &end);
+        match found {
+            Ok((lengths, _)) => {
+                self.write(rows, &lengths);
+                self.leave(piece, motions, &lengths, &end.f);
+                self.check_rest(piece, &start, &end);
+            }
+            Err(why) => {
+                // Before the switch there are derivatives.
+                self.write(rows, &self.shifts(piece));
+                self.lose_all(self.time_behind(piece), (why, about.unwrap_or_default()));
+            }
+        }
         Ok(())
     }
 
@@ -319,7 +322,7 @@ impl<'r> Pass<'r> {
         } else {
             Why::Several
         };
-        let slides = |i: &usize| piece.reduced.sides[*i] == crate::hybrid::Side::Slide;
+        let slides = |i: &usize| piece.reduced.sides[*i] == Side::Slide;
         let mut lost = Vec::new();
         for (d, end) in self.ends.iter().enumerate() {
             let Some(end) = end else { continue };
@@ -378,7 +381,7 @@ impl<'r> Pass<'r> {
     ) -> Result<(Vec<Row>, Vec<Option<Motion>>), Singular> {
         let n = self.of.system.n_states();
         let still = |end: &Option<End>| Some((end.clone()?, 0.0));
-        let mut starts: Vec<Option<(End, f64)>> = self.ends.iter().map(still).collect();
+        let mut starts: Vec<Start> = self.ends.iter().map(still).collect();
         let of_length = End {
             x: vec![0.0; n],
             time: 0.0,
@@ -471,9 +474,10 @@ impl<'r> Pass<'r> {
             let (mut own, mut terms) = (motion.end, motion.terms);
             if let Some(by) = &of_length {
                 own.time += lengths[d] * by.end.time;
-                for i in 0..own.x.len() {
-                    own.x[i] += lengths[d] * by.end.x[i];
-                    terms[i] += (lengths[d] * by.end.x[i]).abs();
+                let all = own.x.iter_mut().zip(&mut terms).zip(&by.end.x);
+                for ((x, term), by) in all {
+                    *x += lengths[d] * by;
+                    *term += (lengths[d] * by).abs();
                 }
             }
             if piece.member.is_none() {

@@ -92,12 +92,6 @@ impl Here {
 
 fn is_left(slope: &Slope, moved: Moved, direction: usize) -> bool {
     let [sum, size] = slope.along(moved, direction);
-    if is_off(sum, size) && std::env::var("DBG").is_ok() {
-        eprintln!(
-            "left d{direction} sum {sum:e} size {size:e} slope {slope:?} moved {:?} size {:?} time {:e}",
-            moved.x, moved.size, moved.time
-        );
-    }
     is_off(sum, size)
 }
 
