@@ -32,9 +32,9 @@ pub struct Turn {
     pub switch: usize,
     /// When it was closest.
     pub time: f64,
-    /// ψ there, positive on the side of the run, and how large its terms are.
+    /// ψ there, positive on the side of the run.
     pub distance: f64,
-    /// See above.
+    /// How large the terms of ψ are.
     pub size: f64,
 }
 
