@@ -423,7 +423,6 @@ fn what_is_no_weight_is_refused() {
         optimize s of m { horizon 1; intervals 5; minimize integral(x^2); }";
     refused(optimum, &good, "E0534");
     for method in [
-        "fesd { steps = 10; }",
         "timestepping { steps = 10; }",
         "adaptive",
         "smoothing { width = 0.1; }",

@@ -83,6 +83,7 @@ mod roots;
 mod rounding;
 mod sampling;
 mod sensitivity;
+mod sensitivity_elements;
 mod set_points;
 mod setting_off;
 mod sides;

@@ -13,7 +13,7 @@ use nsdc::syntax::ExperimentKind;
 use nsdc::{Options, Project};
 
 /// A run of the only experiment `s` of a text; within the tolerance of the experiment where none is given.
-fn run_within(text: &str, tolerance: Option<f64>) -> Trajectory {
+pub(crate) fn run_within(text: &str, tolerance: Option<f64>) -> Trajectory {
     let options = Options {
         tolerance,
         ends_alone: true,
@@ -29,7 +29,7 @@ fn run_at(text: &str, tolerance: f64) -> Trajectory {
 }
 
 /// A text without what it is differentiated by.
-fn undifferentiated(text: &str) -> String {
+pub(crate) fn undifferentiated(text: &str) -> String {
     let (before, rest) = text
         .split_once("sensitivity to")
         .expect("it is differentiated");
@@ -45,19 +45,19 @@ fn ends(run: &Trajectory) -> Vec<f64> {
 }
 
 /// Their derivatives.
-fn slopes(run: &Trajectory, by: &Sensitivity) -> Vec<f64> {
+pub(crate) fn slopes(run: &Trajectory, by: &Sensitivity) -> Vec<f64> {
     let last = run.samples.time.len() - 1;
     let series = by.states.iter().chain(&by.outputs);
     series.flat_map(|series| series.at(last).to_vec()).collect()
 }
 
-fn warned(run: &Trajectory) -> bool {
+pub(crate) fn warned(run: &Trajectory) -> bool {
     run.warnings.iter().any(|warning| warning.code == "W0735")
 }
 
 /// Central differences of runs of the experiment with steps h, h/2 and h/4, extrapolated twice; with how far the last
 /// extrapolation has moved them. None where a run fails.
-fn extrapolated(
+pub(crate) fn extrapolated(
     session: &mut Session,
     experiment: &str,
     (name, value): (&str, f64),
@@ -925,7 +925,8 @@ fn what_has_no_sensitivity_is_refused() {
         "method smoothing { epsilon = 1e-3; } sensitivity to a;",
         "E0532",
     );
-    is_refused("method fesd { steps = 10; } sensitivity to a;", "E0532");
+    is_refused("method adaptive; sensitivity to a;", "E0532");
+    assert_eq!(code("method fesd { steps = 10; } sensitivity to a;"), None);
     is_refused(
         "perturb every 0.1 by sphere(1e-3); sensitivity to a;",
         "E0532",

@@ -51,8 +51,13 @@ impl Clock {
     pub fn advance(&self, segment: &Segment) -> Option<f64> {
         let advance = segment.end[self.state] - segment.state_series(self.state)[0];
         // What is no number does not stand still.
-        let stands = advance < STANDS * segment.length;
+        let stands = Clock::stands(advance, segment.length);
         (!stands).then_some(advance)
+    }
+
+    /// Whether a clock stands still that goes so far in a time.
+    pub(crate) fn stands(advance: f64, length: f64) -> bool {
+        advance < STANDS * length
     }
 
     /// Whether a time is H to what H is reached to.

@@ -1,10 +1,13 @@
 //! What a run tells its observer: elements as polynomials, and multipliers at their points.
 
+use std::sync::Arc;
+
 use super::modes::Mode;
 use crate::expansion::dense::ElementSeries;
 use crate::expansion::series;
 use crate::fesd::element::scheme::Scheme;
 use crate::fesd::element::solved::Solved;
+use crate::fesd::system::Reduced;
 use crate::hybrid::Side;
 
 /// z at the points of an element.
@@ -15,12 +18,26 @@ pub struct Multipliers<'a> {
     pub z: &'a [f64],
 }
 
+/// Elements of equal length in one active set, as they have been solved.
+pub struct Elements<'a> {
+    pub(super) reduced: &'a Arc<Reduced>,
+    /// What changes at breakpoints.
+    pub(super) numbers: &'a [f64],
+    pub(super) solved: &'a [Solved],
+    /// The watched member that vanishes at their end; none where that is an instant.
+    pub(super) member: Option<usize>,
+    /// When they end.
+    pub(super) until: f64,
+}
+
 /// Sees a run while it happens.
 pub trait Observer: crate::event::Observer {
     /// Whether [`Observer::multipliers`] is to be called.
     fn wants_multipliers(&self) -> bool {
         false
     }
+    /// Elements that were accepted, before they are told as steps.
+    fn elements(&mut self, _elements: &Elements) {}
     /// z in an element that was accepted.
     fn multipliers(&mut self, _multipliers: &Multipliers) {}
 }

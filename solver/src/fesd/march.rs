@@ -4,7 +4,7 @@
 use std::ops::ControlFlow;
 
 use super::adaptive::ROUNDING;
-use super::emit::{Observer, Polynomials};
+use super::emit::{Elements, Observer, Polynomials};
 use super::modes::{Mode, Modes};
 use super::run::{NEAR, Run};
 use super::system::hidden::Unsolved;
@@ -27,6 +27,17 @@ pub(crate) struct Piece {
     pub event: Option<usize>,
     /// Whether it ends with the step.
     pub reaches_end: bool,
+}
+
+impl Piece {
+    /// One element.
+    pub fn single(event: Option<usize>, reaches_end: bool) -> Self {
+        Piece {
+            elements: 1,
+            event,
+            reaches_end,
+        }
+    }
 }
 
 /// What a polynomial of a member may miss it by, as a share of its values (chosen by trial).
@@ -439,11 +450,20 @@ impl March {
         &mut self,
         modes: &mut Modes,
         run: &mut Run,
-        count: usize,
-        end: Option<f64>,
+        piece: &Piece,
+        end: f64,
         observer: &mut dyn Observer,
     ) -> Result<(), Status> {
+        let count = piece.elements;
+        let end = piece.reaches_end.then_some(end);
         let mode = &mut modes.all[run.place.mode];
+        observer.elements(&Elements {
+            reduced: &mode.element.reduced,
+            numbers: &modes.numbers,
+            solved: &self.solved[..count],
+            member: piece.event,
+            until: end.unwrap_or_else(|| self.solved[count - 1].stop().0),
+        });
         for (at, solved) in self.solved[..count].iter().enumerate() {
             let start = solved.t;
             let length = match end.filter(|_| at + 1 == count) {

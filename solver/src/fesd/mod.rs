@@ -17,11 +17,12 @@ mod fold;
 pub mod jumps;
 mod march;
 mod modes;
-mod place;
+
 mod run;
 pub(crate) mod selection;
 mod stepping;
 mod system;
+mod tangents;
 mod uniform;
 mod watch;
 
@@ -40,14 +41,15 @@ use crate::integrate::tableau::{Family, Tableau, TableauError};
 use crate::runtime::limit::Limit;
 use crate::selector::ModeSelector;
 use adaptive::Control;
-pub use emit::{Multipliers, Observer};
+pub use emit::{Elements, Multipliers, Observer};
 use fold::{Folds, Length, Reached};
-use march::March;
+use march::{March, Piece};
 pub use run::Rungs;
 pub use stepping::{Stepper, SteppingSettings};
 pub use system::{
     ComplementaritySystem, Disc, Full, Member, NEGLIGIBLE, Pair, Reduced, Switch, Watched, Zero,
 };
+pub use tangents::{Recorded, Recording, Turn, differentiate};
 
 /// What the user may choose.
 #[derive(Clone, Debug)]
@@ -355,13 +357,12 @@ impl<'s> Simulator<'s> {
             }
             let piece = self.march.piece(&mut self.modes, run, end, left, step)?;
             self.march.know_rounding(&mut self.modes, run);
-            let count = piece.elements;
             // A step with more switches than elements less one has elements added.
-            run.record.added += (count + usize::from(piece.event.is_some())).saturating_sub(left);
-            left = left.saturating_sub(count).max(1);
-            let end = piece.reaches_end.then_some(end);
+            let needed = piece.elements + usize::from(piece.event.is_some());
+            run.record.added += needed.saturating_sub(left);
+            left = left.saturating_sub(piece.elements).max(1);
             self.march
-                .report(&mut self.modes, run, count, end, observer)?;
+                .report(&mut self.modes, run, &piece, end, observer)?;
             // What comes after a breakpoint is decided there.
             if piece.event.is_some() && !run.is_at_breakpoint() {
                 self.change(run, piece.event, step, observer)?;
@@ -436,8 +437,8 @@ impl<'s> Simulator<'s> {
             if stalled > MAX_STALLED {
                 return Err(Status::Unsolved);
             }
-            let reaches_end = event.is_none() && length == left;
-            march.report(modes, run, 1, reaches_end.then_some(t1), observer)?;
+            let piece = Piece::single(event, event.is_none() && length == left);
+            march.report(modes, run, &piece, t1, observer)?;
             // What was cut off by a switch or the end says less than what was tried.
             h = if event.is_some() || length == left {
                 next.max(h)

@@ -2,8 +2,8 @@
 
 use rustc_hash::FxHashMap;
 
-use super::place::Place;
 use super::run::Run;
+use super::run::place::Place;
 use super::system::{ComplementaritySystem, Zero};
 use crate::fesd::element::Element;
 use crate::fesd::element::scheme::Scheme;

@@ -17,8 +17,8 @@
 //! where a run rests on a surface, where a step is stiff, and where the last terms of series, which go back beside the costate
 //! as well, make more than the tolerance of a derivative, directions are followed one by one instead.
 
-use super::asked::{Directions, Moment};
-use super::forward::{Forward, Passed, Row, Sensitivities, Traced};
+use super::asked::{Directions, Moment, Sensitivities};
+use super::forward::{Forward, Passed, Row, Traced};
 use super::functions::Slots;
 use super::run::Run;
 use super::saltation::Slope;

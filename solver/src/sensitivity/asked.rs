@@ -1,4 +1,6 @@
-//! What is asked of a run that is differentiated.
+//! What is asked of a run that is differentiated, and what is found.
+
+use super::why::Loss;
 
 /// By what a run is differentiated: for each direction, what it does to the start and to the parameters.
 #[derive(Clone, Debug, Default)]
@@ -28,4 +30,111 @@ pub struct Moment {
     pub time: f64,
     /// Whether behind what happens there.
     pub is_behind: bool,
+}
+
+/// When something happened, and how that moves with each direction.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EventTime {
+    /// When.
+    pub time: f64,
+    /// dt/dp by direction; not a number where it is not known.
+    pub by: Vec<f64>,
+}
+
+/// The derivatives of a run.
+pub struct Sensitivities {
+    /// The instants of all events, in order.
+    pub events: Vec<EventTime>,
+    /// From when on directions are not known.
+    pub lost: Vec<Option<Loss>>,
+    /// The share of its terms up to which ψ is zero, as far as the run knows.
+    width: f64,
+    instants: Vec<Moment>,
+    /// States and all α at the instants, where tangents were known.
+    points: Vec<Vec<f64>>,
+    /// The tangents of states and all α, by direction.
+    tangents: Vec<Vec<Option<Vec<f64>>>>,
+}
+
+impl Sensitivities {
+    /// Nothing yet of so many directions, at instants in order.
+    pub(crate) fn new(width: f64, n_directions: usize, instants: &[Moment]) -> Self {
+        Sensitivities {
+            events: Vec::new(),
+            lost: vec![None; n_directions],
+            width,
+            instants: instants.to_vec(),
+            points: Vec::new(),
+            tangents: Vec::new(),
+        }
+    }
+
+    /// The first instant that nothing is known of yet, or one so many behind it.
+    pub(crate) fn next(&self, behind: usize) -> Option<Moment> {
+        self.instants.get(self.points.len() + behind).copied()
+    }
+
+    /// How many instants are known.
+    pub(crate) fn n_points(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Takes down the next instant: states and all α, and their tangents by direction.
+    pub(crate) fn push(&mut self, point: Vec<f64>, tangents: Vec<Option<Vec<f64>>>) {
+        self.points.push(point);
+        self.tangents.push(tangents);
+    }
+
+    /// Gives up a direction, unless it is lost.
+    pub(crate) fn lose(&mut self, direction: usize, loss: Loss) {
+        self.lost[direction].get_or_insert(loss);
+    }
+
+    /// Of the instants that are left nothing is known.
+    pub(crate) fn close(&mut self) {
+        let (n, d) = (self.instants.len(), self.lost.len());
+        self.points.resize(n, Vec::new());
+        self.tangents.resize(n, vec![None; d]);
+    }
+
+    /// The same of another system, whose states and α follow from these, as their tangents do, with those of its switches
+    /// that are among these.
+    pub fn seen(
+        mut self,
+        point: impl Fn(&[f64]) -> Vec<f64>,
+        tangent: impl Fn(&[f64]) -> Vec<f64>,
+        switch: impl Fn(usize) -> Option<usize>,
+    ) -> Self {
+        let points = self.points.iter_mut().filter(|own| !own.is_empty());
+        points.for_each(|own| *own = point(own));
+        let tangents = self.tangents.iter_mut().flatten().flatten();
+        tangents.for_each(|own| *own = tangent(own));
+        for loss in self.lost.iter_mut().flatten() {
+            loss.switches = loss.switches.iter().filter_map(|&k| switch(k)).collect();
+        }
+        self
+    }
+
+    /// dx/dp at one of the instants that were asked for, and behind it those of all α; none from where on they are not
+    /// known.
+    pub fn at(&self, instant: usize, direction: usize) -> Option<&[f64]> {
+        let Moment { time, is_behind } = self.instants[instant];
+        let is_lost = |loss: &Loss| time > loss.time || time == loss.time && is_behind;
+        let known = self.tangents[instant][direction].as_deref()?;
+        let is_known = !self.lost[direction].as_ref().is_some_and(is_lost);
+        is_known
+            .then_some(known)
+            .filter(|known| known.iter().all(|v| !v.is_nan()))
+    }
+
+    /// The share of its terms up to which ψ is zero, as far as the run knows.
+    pub fn width(&self) -> f64 {
+        self.width
+    }
+
+    /// The state and all α of that instant, nothing behind losses of all directions; an α is not a number where nothing but
+    /// outputs looks at it.
+    pub fn point(&self, instant: usize) -> &[f64] {
+        &self.points[instant]
+    }
 }

@@ -1,6 +1,6 @@
 //! The pass from the start of a run to its end.
 
-use super::asked::{Directions, Moment};
+use super::asked::{Directions, EventTime, Moment, Sensitivities};
 use super::functions::{Functions, Linearized, Moved, Point};
 use super::meeting::{Algebraic, Held, Known, Meeting};
 use super::run::Run;
@@ -12,55 +12,6 @@ use super::why::{Loss, Why};
 use crate::event::recording::{EventRecord, Part, Recording, Step};
 use crate::events::Approach;
 use crate::hybrid::Side;
-
-/// When something happened, and how that moves with each direction.
-#[derive(Clone, Debug, PartialEq)]
-pub struct EventTime {
-    /// When.
-    pub time: f64,
-    /// dt/dp by direction; not a number where it is not known.
-    pub by: Vec<f64>,
-}
-
-/// The derivatives of a run.
-pub struct Sensitivities {
-    /// The instants of all events, in order.
-    pub events: Vec<EventTime>,
-    /// From when on directions are not known.
-    pub lost: Vec<Option<Loss>>,
-    /// The share of its terms up to which ψ is zero, as far as the run knows.
-    width: f64,
-    instants: Vec<Moment>,
-    /// States and all α at the instants, where tangents were known.
-    points: Vec<Vec<f64>>,
-    /// The tangents of states and all α, by direction.
-    tangents: Vec<Vec<Option<Vec<f64>>>>,
-}
-
-impl Sensitivities {
-    /// dx/dp at one of the instants that were asked for, and behind it those of all α; none from where on they are not
-    /// known.
-    pub fn at(&self, instant: usize, direction: usize) -> Option<&[f64]> {
-        let Moment { time, is_behind } = self.instants[instant];
-        let is_lost = |loss: &Loss| time > loss.time || time == loss.time && is_behind;
-        let known = self.tangents[instant][direction].as_deref()?;
-        let is_known = !self.lost[direction].as_ref().is_some_and(is_lost);
-        is_known
-            .then_some(known)
-            .filter(|known| known.iter().all(|v| !v.is_nan()))
-    }
-
-    /// The share of its terms up to which ψ is zero, as far as the run knows.
-    pub fn width(&self) -> f64 {
-        self.width
-    }
-
-    /// The state and all α of that instant, nothing behind losses of all directions; an α is not a number where nothing but
-    /// outputs looks at it.
-    pub fn point(&self, instant: usize) -> &[f64] {
-        &self.points[instant]
-    }
-}
 
 /// The tangents of a run, so far.
 pub(super) struct Forward<'r> {
@@ -161,14 +112,7 @@ impl<'r> Forward<'r> {
         Forward {
             functions: Functions::new(run, &directions.parameters),
             tangents: directions.initial.iter().cloned().map(Some).collect(),
-            found: Sensitivities {
-                events: Vec::new(),
-                width: run.width(),
-                lost: vec![None; directions.len()],
-                instants: instants.to_vec(),
-                points: Vec::new(),
-                tangents: Vec::new(),
-            },
+            found: Sensitivities::new(run.accuracy.width(), directions.len(), instants),
             x: vec![0.0; n],
             sides: None,
             sizes: Sizes::new(n, directions.len()),
@@ -227,9 +171,7 @@ impl<'r> Forward<'r> {
                 }
             }
         }
-        let (n, d) = (self.found.instants.len(), self.tangents.len());
-        self.found.points.resize(n, Vec::new());
-        self.found.tangents.resize(n, vec![None; d]);
+        self.found.close();
     }
 
     /// Gives up some directions.
@@ -237,11 +179,14 @@ impl<'r> Forward<'r> {
         for &d in directions {
             self.tangents[d] = None;
             let switches = switches.to_vec();
-            self.found.lost[d].get_or_insert(Loss {
-                time,
-                why,
-                switches,
-            });
+            self.found.lose(
+                d,
+                Loss {
+                    time,
+                    why,
+                    switches,
+                },
+            );
         }
     }
 
@@ -306,7 +251,7 @@ impl<'r> Forward<'r> {
     fn stay(&mut self, step: &Step, x: &[f64]) {
         const MOVED: f64 = 1e-6;
         let largest = &self.sizes.largest;
-        let rounding = 1e-3 * self.run.accuracy * crate::linalg::largest(largest);
+        let rounding = 1e-3 * self.run.accuracy.0 * crate::linalg::largest(largest);
         let moved = |i: usize| {
             let own = largest[i] + self.sizes.fastest[i] * step.length;
             let is_far = (x[i] - self.x[i]).abs() > MOVED * own + rounding;
@@ -328,7 +273,7 @@ impl<'r> Forward<'r> {
             observers: self.run.observers,
         };
         let known = Known {
-            share: self.run.width(),
+            share: self.run.accuracy.width(),
             sizes: &self.sizes.largest,
             instant: 0.0,
             f: slope,
@@ -516,7 +461,7 @@ impl<'r> Forward<'r> {
 
     /// Takes down the instants up to one at which something happens, without a step that they are in.
     fn instants_at(&mut self, time: f64, x: &[f64], sides: &[Side]) {
-        while let Some(instant) = self.found.instants.get(self.found.points.len()) {
+        while let Some(instant) = self.found.next(0) {
             let is_here = instant.time < time || instant.time == time && !instant.is_behind;
             if !is_here {
                 break;
@@ -532,11 +477,10 @@ impl<'r> Forward<'r> {
             };
             let tangents = self.tangents.iter().enumerate().map(of_direction).collect();
             if let Some(trace) = &mut self.trace {
-                let row = Row::new(self.found.points.len(), 0.0, linear.as_ref().ok());
+                let row = Row::new(self.found.n_points(), 0.0, linear.as_ref().ok());
                 trace.push(Passed::Row(row));
             }
-            self.found.points.push([x, &alpha].concat());
-            self.found.tangents.push(tangents);
+            self.found.push([x, &alpha].concat(), tangents);
         }
     }
 
@@ -546,7 +490,8 @@ impl<'r> Forward<'r> {
         let size: f64 = gradient
             .map(|&(j, g)| g.abs() * self.sizes.states.of(j))
             .sum();
-        let is_near = approach.distance.abs() <= approach.rounding.max(self.run.closeness() * size);
+        let is_near =
+            approach.distance.abs() <= approach.rounding.max(self.run.accuracy.closeness() * size);
         if is_near && !self.run.observers[approach.switch] {
             self.lose_all(approach.time, Why::Grazing, &[approach.switch]);
         }
@@ -609,7 +554,7 @@ impl Sensitivities {
         let [a, b] = part.ends;
         let step = way.step;
         let ends_step = b == step.length;
-        while let Some(&Moment { time, is_behind }) = self.instants.get(self.points.len()) {
+        while let Some(Moment { time, is_behind }) = self.next(0) {
             let is_inside = match ends_step {
                 true => time < step.until || time == step.until && !is_behind || is_last,
                 false => time - step.start <= b,
@@ -630,10 +575,9 @@ impl Sensitivities {
             };
             let tangents = part.tangents.iter().enumerate().map(of_direction).collect();
             if let Some(rows) = &mut rows {
-                rows.push(Row::new(self.points.len(), tau - a, linear.as_ref().ok()));
+                rows.push(Row::new(self.n_points(), tau - a, linear.as_ref().ok()));
             }
-            self.points.push([x, alpha].concat());
-            self.tangents.push(tangents);
+            self.push([x, alpha].concat(), tangents);
         }
     }
 }

@@ -242,7 +242,7 @@ impl Held {
 }
 
 /// Whether a sum is more than what rounding leaves of its terms; what is no number may be.
-fn is_off(sum: f64, size: f64) -> bool {
+pub(crate) fn is_off(sum: f64, size: f64) -> bool {
     sum.is_nan() || size.is_nan() || sum.abs() > STAYS * size
 }
 

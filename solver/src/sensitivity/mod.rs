@@ -30,9 +30,13 @@ mod taylor;
 mod variational;
 mod why;
 
-pub use asked::{Directions, Moment};
-pub use forward::{EventTime, Sensitivities};
+pub use asked::{Directions, EventTime, Moment, Sensitivities};
+pub(crate) use functions::Moved;
 pub(crate) use functions::{Derivatives, locked};
+pub(crate) use meeting::is_off;
+pub(crate) use run::Accuracy;
+pub(crate) use saltation::{Slope, least_rate};
+pub(crate) use sizes::Sizes;
 pub use why::{Loss, Why};
 
 use crate::event::{Recording, Simulator};
@@ -77,7 +81,7 @@ fn run_of(simulator: &Simulator) -> run::Run<'_> {
         observers: &mode.monitored.observers,
         data: &memory.data,
         parameters: &memory.values[memory.parameters()],
-        accuracy: settings.tolerance,
+        accuracy: Accuracy(settings.tolerance),
         tolerance: (0.01 * settings.tolerance).clamp(1e-13, 1e-10),
         limit: &settings.limit,
         derivatives: &simulator.derivatives,

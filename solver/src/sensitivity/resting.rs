@@ -114,7 +114,7 @@ impl Way<'_> {
         let slopes = psi.slopes(&point, &mut functions.registers);
         let weighed = |sizes: &[f64]| weigh(&slopes, at.x.len(), |state| sizes[state]);
         let (terms, speeds) = (weighed(&self.sizes.largest), weighed(&self.sizes.fastest));
-        let (share, rate) = (self.run.width(), rate_of(&slopes, &at.slope));
+        let (share, rate) = (self.run.accuracy.width(), rate_of(&slopes, &at.slope));
         let stays = value.abs() <= share * terms && rate.abs() <= share * speeds;
         stays.then_some(Surface {
             value,
@@ -137,8 +137,9 @@ impl Way<'_> {
             time: 0.0,
         };
         let [sum, size] = functions.along(&surface.slopes, moved, d);
-        let is_close = surface.value.abs() * size <= self.run.width() * sum.abs() * surface.terms;
-        let is_off = sum != 0.0 && sum.abs() > STAYS * self.run.faded() * size && is_close;
+        let is_close =
+            surface.value.abs() * size <= self.run.accuracy.width() * sum.abs() * surface.terms;
+        let is_off = sum != 0.0 && sum.abs() > STAYS * self.run.accuracy.faded() * size && is_close;
         is_off || sum.is_nan() || size.is_nan()
     }
 }

@@ -17,6 +17,27 @@ const NEAR: f64 = 10.0;
 /// Tangents are known to this share of how large they have been, at best.
 const FADED: f64 = 1e-3;
 
+/// The tolerance of a run, and what is known within it.
+#[derive(Clone, Copy)]
+pub(crate) struct Accuracy(pub f64);
+
+impl Accuracy {
+    /// The share of its terms up to which ψ is zero.
+    pub fn width(self) -> f64 {
+        WIDTH * self.0
+    }
+
+    /// The same where ψ is met at a small angle.
+    pub fn closeness(self) -> f64 {
+        NEAR * self.0
+    }
+
+    /// The share of how large tangents have been that is known of them at least, over that of their present terms.
+    pub fn faded(self) -> f64 {
+        f64::max(FADED, NEAR * self.0 / STAYS)
+    }
+}
+
 /// What has been run.
 pub(super) struct Run<'r> {
     pub system: Arc<HybridSystem>,
@@ -26,7 +47,7 @@ pub(super) struct Run<'r> {
     pub data: &'r [Arc<Piecewise>],
     pub parameters: &'r [f64],
     /// The tolerance of the run, and that of tangents.
-    pub accuracy: f64,
+    pub accuracy: Accuracy,
     pub tolerance: f64,
     pub limit: &'r Limit,
     /// What is kept from pass to pass.
@@ -39,20 +60,5 @@ impl Run<'_> {
         let mut coefficients = vec![0.0; self.system.n_coefficients()];
         write_pieces(self.data, t, &mut coefficients);
         coefficients
-    }
-
-    /// The share of its terms up to which ψ is zero.
-    pub fn width(&self) -> f64 {
-        WIDTH * self.accuracy
-    }
-
-    /// The same where ψ is met at a small angle.
-    pub fn closeness(&self) -> f64 {
-        NEAR * self.accuracy
-    }
-
-    /// The share of how large tangents have been that is known of them at least, over that of their present terms.
-    pub fn faded(&self) -> f64 {
-        f64::max(FADED, NEAR * self.accuracy / STAYS)
     }
 }

@@ -16,12 +16,9 @@ use crate::hybrid::Side;
 const TANGENTIAL: f64 = 1e-12;
 /// The same where nothing is known of how it bends.
 const UNKNOWN: f64 = 1e-7;
-/// What is left of a tangent by rounding.
-const ROUNDED: f64 = 1e-8;
-
 /// A function of time, states and parameters to first order.
 #[derive(Clone, Debug)]
-pub(super) struct Slope {
+pub(crate) struct Slope {
     pub time: f64,
     pub x: Vec<f64>,
     /// By direction.
@@ -30,7 +27,7 @@ pub(super) struct Slope {
 
 impl Slope {
     /// Of derivatives by slots.
-    pub fn of(functions: &Functions, slopes: &[(usize, f64)]) -> Self {
+    pub(super) fn of(functions: &Functions, slopes: &[(usize, f64)]) -> Self {
         let n = functions.slots.n_states;
         let (mut time, mut x) = (0.0, vec![0.0; n]);
         for &(slot, slope) in slopes {
@@ -208,7 +205,7 @@ impl<'a> Saltation<'a> {
                 .filter(|_| limits.len() > 1)
                 .unwrap_or(&f64::NEG_INFINITY);
             let high = *limits.last().unwrap_or(&f64::INFINITY);
-            let known = self.run.width();
+            let known = self.run.accuracy.width();
             let is_out = alpha[i] < low - known || alpha[i] > high + known;
             self.event.from[i] == Side::Slide && is_out
         };
@@ -295,7 +292,7 @@ impl<'a> Saltation<'a> {
     ) -> Vec<Held> {
         let meeting = self.meeting(behind, alpha);
         let known = Known {
-            share: self.run.width(),
+            share: self.run.accuracy.width(),
             sizes: &self.sizes.largest,
             instant: trigger.map_or(0.0, |trigger| trigger.width / trigger.rate.abs()),
             f: &linear.f,
@@ -375,11 +372,8 @@ impl<'a> Saltation<'a> {
             let by_time = slopes.iter().filter(|(slot, _)| *slot == 0);
             let by_time: f64 = by_time.map(|(_, slope)| slope.abs()).sum();
             let speed = weighed(&self.sizes.speeds) + by_time;
-            let width = self.run.closeness() * weighed(&self.sizes.states);
-            let least = match self.bend(functions, i, rate) {
-                Some(bend) => f64::max(TANGENTIAL * speed, (2.0 * bend.abs() * width).sqrt()),
-                None => UNKNOWN * speed,
-            };
+            let width = self.run.accuracy.closeness() * weighed(&self.sizes.states);
+            let least = least_rate(speed, self.bend(functions, i, rate), width);
             if rate.is_nan() || rate.abs() <= least {
                 continue;
             }
@@ -430,6 +424,14 @@ impl<'a> Saltation<'a> {
             }
         };
         Some((rate - before) / half)
+    }
+}
+
+/// Below which rate a function that is known to a width is met tangentially, by the size of its terms, and how it bends.
+pub(crate) fn least_rate(speed: f64, bend: Option<f64>, width: f64) -> f64 {
+    match bend {
+        Some(bend) => f64::max(TANGENTIAL * speed, (2.0 * bend.abs() * width).sqrt()),
+        None => UNKNOWN * speed,
     }
 }
 
@@ -590,7 +592,8 @@ impl Prepared<'_> {
         let mut x: Vec<f64> = (tangent.iter().zip(&self.before.f))
             .map(|(s, f)| s + f * time)
             .collect();
-        let mut size = self.sizes(tangent, time, direction);
+        let (f, faded) = (&self.before.f, of.run.accuracy.faded());
+        let mut size = of.sizes.moved((tangent, time), f, direction, faded);
         let [before, behind] = &self.held;
         self.check(functions, before, (moved(&x, &size, time), direction))?;
         for jump in &self.jumps {
@@ -608,19 +611,6 @@ impl Prepared<'_> {
             true => Ok((time, slipped)),
             false => Err((Why::Unknown, of.event.met.clone())),
         }
-    }
-
-    /// How large the terms are that the motion of a state is made of: where they cancel, errors are a part of how large
-    /// they have been.
-    fn sizes(&self, tangent: &[f64], time: f64, direction: usize) -> Vec<f64> {
-        let sizes = self.of.sizes;
-        let (largest, terms) = (sizes.tangents(direction), sizes.terms(direction));
-        let size = |i: usize| {
-            let now = tangent[i].abs() + (self.before.f[i] * time).abs();
-            let was = largest(i) + sizes.speeds.of(i) * time.abs();
-            now + self.of.run.faded() * was + ROUNDED * terms(i)
-        };
-        (0..tangent.len()).map(size).collect()
     }
 
     /// What lies on surfaces and at bounds stays there to first order.

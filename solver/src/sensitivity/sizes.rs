@@ -1,8 +1,11 @@
 //! How large states, their rates and their tangents are: what tells terms that cancel from those that vanish.
 
+/// What is left of a tangent by rounding.
+const ROUNDED: f64 = 1e-8;
+
 /// The largest magnitudes between the last two events and since.
 #[derive(Clone, Debug)]
-pub(super) struct Recent {
+pub(crate) struct Recent {
     now: Vec<f64>,
     before: Vec<f64>,
 }
@@ -43,7 +46,7 @@ fn enlarge(sizes: &mut [f64], values: &[f64]) {
 
 /// Sizes along a run.
 #[derive(Clone, Debug)]
-pub(super) struct Sizes {
+pub(crate) struct Sizes {
     /// How large states and their rates have been in the run.
     pub largest: Vec<f64>,
     pub fastest: Vec<f64>,
@@ -96,6 +99,24 @@ impl Sizes {
     /// How large the terms were that the tangents of a direction are made of.
     pub fn terms(&self, direction: usize) -> impl Fn(usize) -> f64 + '_ {
         move |i| self.terms[direction].of(i)
+    }
+
+    /// How large the terms are that the motion of a state, S + f dt/dp, is made of: where they cancel, errors are a part of
+    /// how large they have been, of which this share is known at least.
+    pub fn moved(
+        &self,
+        (tangent, time): (&[f64], f64),
+        f: &[f64],
+        direction: usize,
+        faded: f64,
+    ) -> Vec<f64> {
+        let (largest, terms) = (self.tangents(direction), self.terms(direction));
+        let size = |i: usize| {
+            let now = tangent[i].abs() + (f[i] * time).abs();
+            let was = largest(i) + self.speeds.of(i) * time.abs();
+            now + faded * was + ROUNDED * terms(i)
+        };
+        (0..tangent.len()).map(size).collect()
     }
 
     /// An event lies behind.

@@ -106,7 +106,7 @@ impl Stiff {
         let radau = self.radau.get_or_insert_with(make);
         self.known.clear();
         let mut problem = Tangent {
-            shaken: way.shaken(functions, a, way.run.accuracy)?,
+            shaken: way.shaken(functions, a, way.run.accuracy.0)?,
             functions,
             way,
             known: &mut self.known,

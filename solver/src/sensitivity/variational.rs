@@ -381,7 +381,7 @@ impl Way<'_> {
         };
         if !(0..n).all(|i| is_alike(i, 0.0)) {
             // Terms that cancel are known to the tolerance, and to what rounding leaves of them.
-            let (accuracy, largest) = (10.0 * self.run.accuracy, &self.sizes.largest);
+            let (accuracy, largest) = (10.0 * self.run.accuracy.0, &self.sizes.largest);
             let terms = linear.rates(
                 functions.slots,
                 |slot, slope| match slot {

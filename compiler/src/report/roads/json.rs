@@ -27,6 +27,12 @@ pub fn roads(all: &Roads) -> String {
             "times": found.times,
             "alone": found.alone,
             "allowed": found.allowed,
+            "sensitivities": found.sensed.map(|sensed| json!({
+                "end": sensed.end,
+                "along": sensed.along,
+                "times": sensed.times,
+                "allowed": found.allowed_of_derivatives(),
+            })),
             "is_explained": found.is_explained(),
         }))
     };

@@ -7,6 +7,7 @@
 mod json;
 mod optima;
 mod optima_text;
+mod sensed;
 mod text;
 mod times;
 
@@ -14,6 +15,7 @@ pub use json::{optima as optima_json, roads as json};
 pub use optima::is_feasible;
 pub use optima::{Found, Optima, Resumed};
 pub use optima_text::text as optima_text;
+pub use sensed::Sensed;
 pub use text::text;
 
 use super::{Event, EventKind, Series, Status, Trajectory};
@@ -28,6 +30,9 @@ const LEAST_SIZE: f64 = 1e-12;
 /// A run whose estimate is above this says nothing about others; one on steps that are given may know less of itself.
 const MOST_ESTIMATED: f64 = 1e-2;
 const MOST_ON_STEPS: f64 = 0.5;
+/// An error of the order p changes with the lengths of steps, by which it is a power, p times as much: what states leave
+/// to be explained is so many times less than what derivatives do.
+const STEEPER: f64 = 10.0;
 /// Between the points of a method states are less accurate than at these, to which estimates belong: by this at most.
 const BETWEEN: f64 = 1e-3;
 /// Instants this close are one, as a share of the horizon.
@@ -88,6 +93,8 @@ pub struct Difference {
     pub locates: bool,
     /// What the tolerance and the estimated errors of both leave for the difference of states.
     pub allowed: f64,
+    /// The derivatives of both, where both are differentiated.
+    pub sensed: Option<Sensed>,
 }
 
 impl Difference {
@@ -99,6 +106,19 @@ impl Difference {
             && self.along <= self.allowed.max(BETWEEN)
             && times.is_none_or(|times| times <= self.allowed)
             && alone.is_none()
+            && self.has_derivatives_explained()
+    }
+
+    /// What is left for the difference of derivatives.
+    pub fn allowed_of_derivatives(&self) -> f64 {
+        (STEEPER * self.allowed).min(self.allowed.max(MOST))
+    }
+
+    /// Whether derivatives differ by no more.
+    pub fn has_derivatives_explained(&self) -> bool {
+        let allowed = self.allowed_of_derivatives();
+        let sensed = self.sensed.filter(|_| self.locates);
+        sensed.is_none_or(|sensed| sensed.is_explained(allowed, BETWEEN))
     }
 }
 
@@ -169,6 +189,7 @@ impl Roads {
             alone: alone(a, b, allowed),
             locates: ![a, b].into_iter().any(is_blind),
             allowed,
+            sensed: Sensed::of(a, b, allowed),
         })
     }
 
@@ -242,8 +263,7 @@ fn is_blind(run: &Trajectory) -> bool {
 fn end(a: &Trajectory, b: &Trajectory) -> f64 {
     let mut largest: f64 = 0.0;
     for (a, b) in a.samples.states.iter().zip(&b.samples.states) {
-        let values = a.values.iter().chain(&b.values);
-        let size = values.fold(LEAST_SIZE, |size, value| size.max(value.abs()));
+        let size = largest_of(&[a, b]);
         let last = |series: &Series| {
             let first = series.values.len().saturating_sub(series.n_entries());
             series.values[first..].to_vec()
@@ -260,9 +280,9 @@ fn end(a: &Trajectory, b: &Trajectory) -> f64 {
     largest
 }
 
-/// The largest difference of states at instants that both runs report, relative to the largest value of its state in
-/// either; next to an event both may be on different sides of it, up to `window` as a share of the horizon.
-fn along(a: &Trajectory, b: &Trajectory, window: f64) -> f64 {
+/// The rows of instants that both runs report; next to an event both may be on different sides of it, up to `window` as a
+/// share of the horizon.
+fn common(a: &Trajectory, b: &Trajectory, window: f64) -> Vec<(usize, usize)> {
     let horizon = a.samples.time.last().copied().unwrap_or(0.0);
     let events: Vec<f64> = (happened(a).chain(happened(b)))
         .map(|event| event.time)
@@ -283,10 +303,22 @@ fn along(a: &Trajectory, b: &Trajectory, window: f64) -> f64 {
             common.push((k, other));
         }
     }
+    common
+}
+
+/// The largest value of series.
+fn largest_of(all: &[&Series]) -> f64 {
+    let values = all.iter().flat_map(|series| &series.values);
+    values.fold(LEAST_SIZE, |size, value| size.max(value.abs()))
+}
+
+/// The largest difference of states at instants that both runs report, relative to the largest value of its state in
+/// either.
+fn along(a: &Trajectory, b: &Trajectory, window: f64) -> f64 {
+    let common = common(a, b, window);
     let mut largest: f64 = 0.0;
     for (a, b) in a.samples.states.iter().zip(&b.samples.states) {
-        let values = a.values.iter().chain(&b.values);
-        let size = values.fold(LEAST_SIZE, |size, value| size.max(value.abs()));
+        let size = largest_of(&[a, b]);
         for &(k, other) in &common {
             for (a, b) in a.at(k).iter().zip(b.at(other)) {
                 let difference = (a - b).abs() / size;

@@ -1,5 +1,5 @@
 use super::{Refusal, Road, Roads, json, text};
-use crate::report::{Method, MethodOption, Status, sample};
+use crate::report::{Method, MethodOption, Moves, Sensitivity, Status, sample};
 
 /// The sample trajectory as it is, another time, and with this added to the first entry of its last state.
 fn roads(error: f64, estimate: Option<f64>) -> Roads {
@@ -212,4 +212,63 @@ fn a_program_reads_the_same() {
         [0, 1, 2].map(explained),
         [Some(true), Some(false), Some(false)]
     );
+}
+
+/// The same runs, differentiated; of the last one derivatives have this added at the end, and those of instants this.
+fn sensed(error: f64, of_instant: f64) -> Roads {
+    let mut roads = roads(0.0, Some(1e-9));
+    for (number, road) in roads.roads.iter_mut().enumerate() {
+        let Ok(run) = &mut road.run else { continue };
+        let (error, of_instant) = if number == 2 {
+            (error, of_instant)
+        } else {
+            (0.0, 0.0)
+        };
+        let mut states = run.samples.states.clone();
+        if let Some(last) = states[0].values.last_mut() {
+            *last += error;
+        }
+        let moves = run.history.events.iter().map(|event| Moves {
+            time: event.time,
+            derivative: 2.0 + of_instant,
+        });
+        run.samples.sensitivities = vec![Sensitivity {
+            to: "omega".to_owned(),
+            events: moves.collect(),
+            states,
+            ..Sensitivity::default()
+        }];
+    }
+    roads
+}
+
+#[test]
+fn derivatives_are_compared_where_both_runs_have_them() {
+    let same = sensed(0.0, 0.0);
+    assert!(same.agree());
+    assert!(text(&same).contains("behind them those of derivatives"));
+    assert!(!text(&roads(0.0, None)).contains("derivatives"));
+    for (error, of_instant) in [(1e-3, 0.0), (0.0, 1e-3)] {
+        let other = sensed(error, of_instant);
+        assert_eq!(other.disagreements(), [(0, 2), (1, 2)]);
+        assert!(text(&other).contains("of derivatives"));
+    }
+    // What is no number is not known, and contradicts nothing.
+    assert!(sensed(f64::NAN, f64::NAN).agree());
+    // An error of states is explained by less than one of derivatives.
+    assert!(sensed(5e-6, 0.0).agree());
+    assert!(!roads(5e-6, Some(1e-9)).agree());
+}
+
+#[test]
+fn derivatives_stand_in_json() {
+    let value: serde_json::Value =
+        serde_json::from_str(&json(&sensed(1e-3, 0.0))).expect("it is JSON");
+    let differences = value["differences"].as_array().expect("runs are compared");
+    let of = |k: usize| differences[k]["sensitivities"]["end"].as_f64();
+    assert_eq!(of(0), Some(0.0));
+    assert!(of(1).is_some_and(|end| end > 1e-4));
+    let plain: serde_json::Value =
+        serde_json::from_str(&json(&roads(0.0, None))).expect("it is JSON");
+    assert!(plain["differences"][0]["sensitivities"].is_null());
 }

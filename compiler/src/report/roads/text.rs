@@ -2,7 +2,7 @@
 
 use std::fmt::{self, Write};
 
-use super::{Road, Roads, times};
+use super::{Difference, Road, Roads, Sensed, times};
 use crate::report::forms::text::duration;
 
 /// The table of the runs and that of their differences.
@@ -59,34 +59,57 @@ fn write(all: &Roads, text: &mut String) -> fmt::Result {
         text,
         "\n  differences of last states and along the way, relative to their sizes, and of events, to the horizon"
     )?;
-    for b in 1..roads.len() {
-        for a in 0..b {
-            let Some(difference) = all.difference(a, b) else {
-                continue;
-            };
-            let times = match difference.times {
-                Some(times) => format!("{times:.1e}"),
-                None => "other events".to_owned(),
-            };
-            let mark = match (difference.is_explained(), difference.alone) {
-                (true, _) => String::new(),
-                (false, Some(time)) if difference.locates => format!(
-                    "  DIFFERS, {:.1e} are explained; at {time:.9} something happens in one alone",
-                    difference.allowed
-                ),
-                (false, _) => format!("  DIFFERS, {:.1e} are explained", difference.allowed),
-            };
-            writeln!(
-                text,
-                "  {} - {}  {:>9.1e}  {:>9.1e}  {times:>12}{mark}",
-                a + 1,
-                b + 1,
-                difference.end,
-                difference.along
-            )?;
-        }
+    let n = roads.len();
+    let pairs = (1..n).flat_map(|b| (0..b).map(move |a| (a, b)));
+    let pairs = pairs.filter_map(|(a, b)| Some((a, b, all.difference(a, b)?)));
+    let pairs: Vec<(usize, usize, Difference)> = pairs.collect();
+    if pairs
+        .iter()
+        .any(|(_, _, difference)| difference.sensed.is_some())
+    {
+        writeln!(
+            text,
+            "  behind them those of derivatives, relative to the sizes of these"
+        )?;
+    }
+    for (a, b, difference) in pairs {
+        let times = match difference.times {
+            Some(times) => format!("{times:.1e}"),
+            None => "other events".to_owned(),
+        };
+        let sensed = difference.sensed.map_or(String::new(), |sensed| {
+            let Sensed { end, along, times } = sensed;
+            format!("  {end:>9.1e}  {along:>9.1e}  {times:>9.1e}")
+        });
+        let mark = mark(&difference);
+        writeln!(
+            text,
+            "  {} - {}  {:>9.1e}  {:>9.1e}  {times:>12}{sensed}{mark}",
+            a + 1,
+            b + 1,
+            difference.end,
+            difference.along
+        )?;
     }
     times::write(all, text)
+}
+
+/// That a difference is not explained.
+fn mark(difference: &Difference) -> String {
+    if difference.is_explained() {
+        return String::new();
+    }
+    let explained = format!("{:.1e} are explained", difference.allowed);
+    match difference.alone.filter(|_| difference.locates) {
+        Some(time) => {
+            format!("  DIFFERS, {explained}; at {time:.9} something happens in one alone")
+        }
+        None if !difference.has_derivatives_explained() => {
+            let allowed = difference.allowed_of_derivatives();
+            format!("  DIFFERS, {explained}, and {allowed:.1e} of derivatives")
+        }
+        None => format!("  DIFFERS, {explained}"),
+    }
 }
 
 /// What there is to say in a line.

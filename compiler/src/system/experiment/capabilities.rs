@@ -35,6 +35,8 @@ pub enum Feature {
     TimeFreezing,
     /// Impulses where finite elements meet.
     Impulses,
+    /// Derivatives of runs by parameters and initial values.
+    Derivatives,
 }
 
 /// Whether a method takes something.
@@ -61,7 +63,7 @@ pub(crate) const POISSON: &str = "`method event`, which is the default, simulate
 
 impl Feature {
     /// All of them, in the order in which they are told.
-    pub const ALL: [Feature; 12] = [
+    pub const ALL: [Feature; 13] = [
         Feature::Poisson,
         Feature::Contacts,
         Feature::Relays,
@@ -74,6 +76,7 @@ impl Feature {
         Feature::Stops,
         Feature::TimeFreezing,
         Feature::Impulses,
+        Feature::Derivatives,
     ];
 
     /// As the head of a column.
@@ -91,6 +94,7 @@ impl Feature {
             Feature::Stops => "`stop when`",
             Feature::TimeFreezing => "`lower timefreezing`",
             Feature::Impulses => "`lower impact`",
+            Feature::Derivatives => "`sensitivity to`",
         }
     }
 

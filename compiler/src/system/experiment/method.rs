@@ -62,14 +62,14 @@ struct Capabilities {
 const CAPABILITIES: [Capabilities; MethodKind::ALL.len()] = {
     const FROZEN: Taken = Lowered(&[Lowering::TimeFreezing]);
     const EITHER: Taken = Lowered(&[Lowering::Impact, Lowering::TimeFreezing]);
-    //                                                                                 contacts poisson relays  jumps   projections algebraic nonlinear perturb averages stop    timefreezing impact
+    //                                                                                 contacts poisson relays  jumps   projections algebraic nonlinear perturb averages stop    timefreezing impact  derivatives
     [
-        Capabilities { word: "auto",         locates: true,  needs_dcs: false, takes: [Yes,     Yes,    Yes,    Yes,    Yes,        Yes,      Yes,      Yes,    Yes,     Yes,     Yes,         No ] },
-        Capabilities { word: "event",        locates: true,  needs_dcs: false, takes: [Yes,     Yes,    Yes,    Yes,    Yes,        Yes,      Yes,      Yes,    Yes,     Yes,     Yes,         No ] },
-        Capabilities { word: "fesd",         locates: true,  needs_dcs: true,  takes: [EITHER,  No,     FROZEN, FROZEN, Yes,        Yes,      Yes,      No,     No,      No,      Yes,         Yes] },
-        Capabilities { word: "timestepping", locates: false, needs_dcs: true,  takes: [Yes,     No,     No,     No,     Yes,        Yes,      No,       No,     No,      No,      No,          No ] },
-        Capabilities { word: "smoothing",    locates: true,  needs_dcs: false, takes: [No,      No,     No,     No,     No,         No,       Yes,      Yes,    No,      No,      No,          No ] },
-        Capabilities { word: "adaptive",     locates: false, needs_dcs: false, takes: [No,      No,     No,     No,     No,         No,       No,       No,     No,      No,      No,          No ] },
+        Capabilities { word: "auto",         locates: true,  needs_dcs: false, takes: [Yes,     Yes,    Yes,    Yes,    Yes,        Yes,      Yes,      Yes,    Yes,     Yes,     Yes,         No,     Yes] },
+        Capabilities { word: "event",        locates: true,  needs_dcs: false, takes: [Yes,     Yes,    Yes,    Yes,    Yes,        Yes,      Yes,      Yes,    Yes,     Yes,     Yes,         No,     Yes] },
+        Capabilities { word: "fesd",         locates: true,  needs_dcs: true,  takes: [EITHER,  No,     FROZEN, FROZEN, Yes,        Yes,      Yes,      No,     No,      No,      Yes,         Yes,    Yes] },
+        Capabilities { word: "timestepping", locates: false, needs_dcs: true,  takes: [Yes,     No,     No,     No,     Yes,        Yes,      No,       No,     No,      No,      No,          No,     No ] },
+        Capabilities { word: "smoothing",    locates: true,  needs_dcs: false, takes: [No,      No,     No,     No,     No,         No,       Yes,      Yes,    No,      No,      No,          No,     No ] },
+        Capabilities { word: "adaptive",     locates: false, needs_dcs: false, takes: [No,      No,     No,     No,     No,         No,       No,       No,     No,      No,      No,          No,     No ] },
     ]
 };
 

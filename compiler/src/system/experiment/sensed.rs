@@ -78,6 +78,12 @@ impl Experiment {
         self.open.extend(params);
     }
 
+    /// Leaves out what runs are differentiated by.
+    pub(crate) fn forget_sensed(&mut self) {
+        self.settings
+            .retain(|setting| !matches!(setting.kind, SettingKind::Sensitivity { .. }));
+    }
+
     /// Whether the run is to be differentiated.
     pub(crate) fn is_sensed(&self) -> bool {
         self.sensed().next().is_some()

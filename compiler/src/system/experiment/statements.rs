@@ -265,12 +265,20 @@ impl Statements<'_, '_> {
     /// Why runs are not differentiated.
     fn undifferentiated(&self) -> Option<String> {
         let method = self.numerics.method.kind();
-        if !method.is_by_events() {
-            let word = method.word();
+        let word = method.word();
+        if !method.takes(Feature::Derivatives) {
             return Some(format!("runs by `method {word}` are not differentiated"));
         }
-        let why = if self.numerics.lowerings.contains(&Lowering::TimeFreezing) {
+        if self.fit.is_some() && !method.is_by_events() {
+            return Some(format!(
+                "a fit runs from event to event, not by `method {word}`"
+            ));
+        }
+        let is_frozen = self.numerics.lowerings.contains(&Lowering::TimeFreezing);
+        let why = if is_frozen && !method.needs_dcs() {
             "time is frozen where states jump"
+        } else if self.numerics.lowerings.contains(&Lowering::Impact) {
+            "impulses of `lower impact` come from programs of their own, which are not differentiated"
         } else if self.kicks.is_some() {
             "`perturb` moves the state"
         } else if self.averages.is_some() {

@@ -30,14 +30,20 @@ pub(crate) struct Projection {
 }
 
 impl Projection {
-    /// Nothing where the end is a node, nothing slides, or an equation contains w.
-    pub fn new(scheme: &Scheme, n: usize, reduced: &Reduced) -> Option<Self> {
-        let n_w = reduced.unknowns.len();
+    /// Whether ends are moved: not where they are nodes, nothing slides, or an equation contains w.
+    pub fn applies(scheme: &Scheme, n: usize, reduced: &Reduced) -> bool {
         let ends_at_node = scheme.points.nodes.last().is_none_or(Option::is_some);
         let contains_w = |&(row, input): &(usize, usize)| row >= n && input > n;
-        if n_w == 0 || ends_at_node || reduced.equations.slopes.entries.iter().any(contains_w) {
+        let mut entries = reduced.equations.slopes.entries.iter();
+        !reduced.unknowns.is_empty() && !ends_at_node && !entries.any(contains_w)
+    }
+
+    /// Nothing where ends are not moved.
+    pub fn new(scheme: &Scheme, n: usize, reduced: &Reduced) -> Option<Self> {
+        if !Projection::applies(scheme, n, reduced) {
             return None;
         }
+        let n_w = reduced.unknowns.len();
         let tapes = [&reduced.equations.tape, &reduced.equations.slopes.tape];
         Some(Projection {
             at: Evaluator::new(reduced.equations.tape.n_inputs(), tapes),

@@ -3,7 +3,7 @@
 use crate::integrate::two_sum::two_sum;
 
 /// An element that is solved.
-#[derive(Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Solved {
     /// t₀, and what rounding took from it.
     pub t: f64,

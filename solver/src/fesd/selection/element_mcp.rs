@@ -9,8 +9,8 @@
 
 use crate::fesd::element::nodes::{Nodes, Step};
 use crate::fesd::modes::Modes;
-use crate::fesd::place::Place;
 use crate::fesd::run::Run;
+use crate::fesd::run::place::Place;
 use crate::fesd::system::{ComplementaritySystem, Pair, Zero};
 use crate::runtime::limit::Limit;
 

@@ -6,8 +6,8 @@
 
 use super::bands::Bands;
 use super::directional::{Choice, Directional, agree, switches_of};
-use crate::fesd::place::Place;
 use crate::fesd::run::Run;
+use crate::fesd::run::place::Place;
 use crate::fesd::system::ComplementaritySystem;
 use crate::fesd::watch::BAND;
 use crate::hybrid::Note;

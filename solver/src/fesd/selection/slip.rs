@@ -9,7 +9,7 @@
 use super::bands::slopes;
 use super::directional::Choice;
 use crate::fesd::element::Departure;
-use crate::fesd::place::Place;
+use crate::fesd::run::place::Place;
 use crate::fesd::system::pointwise::Point;
 use crate::fesd::system::{ComplementaritySystem, Disc, Reduced, Zero};
 use crate::fesd::watch::BAND;

@@ -528,7 +528,7 @@ impl<'r> Functions<'r> {
 
 /// How a state and an instant move with a parameter, and how large the terms are that this is made of.
 #[derive(Clone, Copy)]
-pub(super) struct Moved<'a> {
+pub(crate) struct Moved<'a> {
     pub x: &'a [f64],
     pub size: &'a [f64],
     pub time: f64,

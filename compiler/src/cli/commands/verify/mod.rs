@@ -76,7 +76,7 @@ pub fn run(args: &VerifyArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
                 Some(not_compared(experiment, "simulate", reason))
             }
             ExperimentKind::Fit => {
-                let reason = "runs of a fit are differentiated, which only those by events are, not compared";
+                let reason = "a fit runs by events alone, not compared";
                 Some(not_compared(experiment, "fit", reason))
             }
             ExperimentKind::Mpc => {

@@ -1,5 +1,7 @@
 //! A simulation by events, and by finite elements with every lowering.
 
+use std::borrow::Cow;
+
 use super::{Subject, Verified, exit, refusal};
 use crate::cli::progress::Bar;
 use crate::cli::project::{self, Project};
@@ -62,32 +64,22 @@ pub fn verify(
     for (method, lowering) in roads().take_while(|_| !subject.cancel.is_canceled()) {
         let lowering = lowering.map(|lowering| format!("; lower {}", lowering.word()));
         let words = format!("{}{}", method.word(), lowering.unwrap_or_default());
-        let Some(other) = project.on_road(experiment, "verify", &format!("method {words}")) else {
+        let Some(mut other) = project.on_road(experiment, "verify", &format!("method {words}"))
+        else {
             continue;
         };
         let name = words.replace(';', ",");
-        let run = match ride(project, &other, subject, streams) {
+        let run = match ride_or_forget(project, &mut other, subject, streams) {
             Err(diags) => Err(refusal(&diags)),
-            Ok(Ridden { run, branches: own }) => {
+            Ok(ridden) => {
                 let is_known = all.iter().any(|road| {
                     let known = road.run.as_ref();
-                    known.is_ok_and(|known| known.setup.method == run.setup.method)
+                    known.is_ok_and(|known| known.setup.method == ridden.run.setup.method)
                 });
                 if is_known {
                     continue;
                 }
-                match &run.failure {
-                    // Time-freezing has its limits, and what the experiment chooses is not known to it.
-                    Some(failure @ Failure::Standstill { .. }) => Err(Refusal {
-                        codes: "E0726".to_owned(),
-                        reason: failure.to_string(),
-                    }),
-                    Some(failure @ Failure::NonUnique { .. }) if branches && !own => Err(Refusal {
-                        codes: "E0701".to_owned(),
-                        reason: format!("{failure}; the choice of `branch` is of `method event`"),
-                    }),
-                    _ => Ok(Box::new(run)),
-                }
+                judged(ridden, branches)
             }
         };
         all.push(Road { name, run });
@@ -103,6 +95,40 @@ pub fn verify(
         json: roads::json(&all),
         exit: exit(all.agree()),
     }))
+}
+
+/// A run on another road, unless it ends for what that road does not know, where the experiment as it is written chooses
+/// among several solutions or not.
+fn judged(ridden: Ridden, branches: bool) -> Result<Box<Trajectory>, Refusal> {
+    let Ridden { run, branches: own } = ridden;
+    match &run.failure {
+        // Time-freezing has its limits, and what the experiment chooses is not known to it.
+        Some(failure @ Failure::Standstill { .. }) => Err(Refusal {
+            codes: "E0726".to_owned(),
+            reason: failure.to_string(),
+        }),
+        Some(failure @ Failure::NonUnique { .. }) if branches && !own => Err(Refusal {
+            codes: "E0701".to_owned(),
+            reason: format!("{failure}; the choice of `branch` is of `method event`"),
+        }),
+        _ => Ok(Box::new(run)),
+    }
+}
+
+/// The same as [`ride`], without derivatives where a road has none: it may confirm the run.
+fn ride_or_forget(
+    project: &Project,
+    experiment: &mut Experiment,
+    subject: &Subject<'_>,
+    streams: &mut Streams<'_>,
+) -> Result<Ridden, Diagnostics> {
+    let ridden = ride(project, experiment, subject, streams);
+    let refused = ridden.as_ref().err().map(Diagnostics::error_codes);
+    if refused.is_some_and(|codes| codes.iter().any(|code| code == "E0532")) {
+        experiment.forget_sensed();
+        return ride(project, experiment, subject, streams);
+    }
+    ridden
 }
 
 /// A run, and whether its experiment chooses among several solutions.
@@ -122,7 +148,11 @@ fn ride(
     let (exprs, mut diags) = (Exprs::new(), Diagnostics::new());
     let (file, mut clock) = (&project.file, Clock::default());
     let overrides = subject.overrides;
-    let compiled = compile(&exprs, file, experiment, overrides, &mut clock, &mut diags);
+    let mut experiment = Cow::Borrowed(experiment);
+    if experiment.is_sensed() {
+        experiment.to_mut().open_sensed();
+    }
+    let compiled = compile(&exprs, file, &experiment, overrides, &mut clock, &mut diags);
     let Some(mut compiled) = compiled.filter(|_| !diags.has_errors()) else {
         return Err(diags);
     };

@@ -12,10 +12,11 @@ mod turns;
 
 use std::ops::ControlFlow;
 
-use nsd_solver::event::{Event, Observer, Segment};
-use nsd_solver::fesd::{self, Grid, Rungs};
+use nsd_solver::event::{self, Event, Observer, Segment};
+use nsd_solver::fesd::{self, Elements, Grid, Recorded, Recording, Rungs};
 use nsd_solver::hybrid::Outcome;
 use nsd_solver::integrate::tableau::Family;
+use nsd_solver::sensitivity::{Directions, Moment, Sensitivities};
 
 pub(crate) use compiled::{Compiled, Ran};
 pub use complementarity::complementarity;
@@ -45,11 +46,25 @@ const MOST_SHARE: f64 = 0.5;
 /// Nodes of the largest schemes of Radau IIA and Gauss.
 const MOST_NODES: usize = 9;
 
-/// Keeps the multipliers of a run, and looks at surfaces that are touched, besides what another observer does.
-struct Keeper<'s, 'e, 'o> {
+/// Keeps the multipliers and elements of a run, and looks at surfaces that are touched, besides what another observer does.
+pub(in crate::simulate) struct Keeper<'s, 'e, 'o> {
     observer: &'o mut dyn Observer,
     kept: Option<Multipliers>,
+    /// Where the run is differentiated.
+    pub recording: Option<Recording>,
     turns: Option<Turns<'s, 'e>>,
+}
+
+impl<'o> Keeper<'_, '_, 'o> {
+    /// Keeps elements alone.
+    pub fn recording(observer: &'o mut dyn Observer) -> Self {
+        Keeper {
+            observer,
+            kept: None,
+            recording: Some(Recording::default()),
+            turns: None,
+        }
+    }
 }
 
 impl Observer for Keeper<'_, '_, '_> {
@@ -57,10 +72,16 @@ impl Observer for Keeper<'_, '_, '_> {
         if let Some(turns) = &mut self.turns {
             turns.segment(segment);
         }
+        if let Some(recording) = &mut self.recording {
+            recording.segment(segment)?;
+        }
         self.observer.segment(segment)
     }
 
     fn event(&mut self, event: &Event) {
+        if let Some(recording) = &mut self.recording {
+            recording.event(event);
+        }
         self.observer.event(event);
     }
 }
@@ -68,6 +89,12 @@ impl Observer for Keeper<'_, '_, '_> {
 impl fesd::Observer for Keeper<'_, '_, '_> {
     fn wants_multipliers(&self) -> bool {
         self.kept.is_some()
+    }
+
+    fn elements(&mut self, elements: &Elements) {
+        if let Some(recording) = &mut self.recording {
+            recording.elements(elements);
+        }
     }
 
     fn multipliers(&mut self, multipliers: &fesd::Multipliers) {
@@ -106,6 +133,8 @@ struct Left {
     /// The defect that an element may have.
     allowed: Option<f64>,
     multipliers: Option<Multipliers>,
+    /// Where it is differentiated.
+    recorded: Option<Recorded>,
     turned: Turned,
 }
 
@@ -150,30 +179,41 @@ impl<'e> Run<'e> for ByElements {
         let settings = elements(options(problem.settings), accuracy, problem.limit.clone());
         self.compiled.load(problem.system);
         let is_kept = problem.multipliers && !accuracy.is_finer;
+        let is_recorded = problem.sensing.is_some() && !accuracy.is_finer;
         let mut keeper = Keeper {
             observer,
             kept: is_kept.then(|| empty(&self.algebraics)),
-            turns: (problem.estimates && !accuracy.is_finer)
+            recording: is_recorded.then(Recording::default),
+            turns: (problem.estimates && !accuracy.is_finer || is_recorded)
                 .then(|| Turns::new(problem.system, &mut self.surfaces)),
         };
         let horizon = problem.settings.horizon;
-        let run = (self.compiled).by_elements(settings, horizon, &problem.x0, &mut keeper);
+        let run = (self.compiled).by_elements(settings.clone(), horizon, &problem.x0, &mut keeper);
         let Ran {
             solution,
             order,
             allowed,
         } = run;
+        let (kept, recording) = (keeper.kept, keeper.recording);
+        let turned = keeper.turns.map(Turns::done).unwrap_or_default();
         if accuracy.is_finer {
             self.allowed = allowed;
         } else {
+            let recorded = recording.map(|recording| Recorded {
+                settings,
+                recording,
+                turns: turned.told(problem.system, &mut self.surfaces, horizon),
+                clock: None,
+            });
             self.left = Left {
                 order,
                 least_member: solution.least_member,
                 added_elements: solution.added_elements,
                 rungs: solution.rungs,
                 allowed,
-                multipliers: keeper.kept,
-                turned: keeper.turns.map(Turns::done).unwrap_or_default(),
+                multipliers: kept,
+                recorded,
+                turned,
             };
         }
         Ended::by(solution.outcome)
@@ -223,6 +263,17 @@ impl<'e> Run<'e> for ByElements {
 
     fn takes_numbers(&self) -> bool {
         true
+    }
+
+    fn differentiate(
+        &self,
+        _: &event::Recording,
+        _: &Ended,
+        (directions, instants): (&Directions, &[Moment]),
+    ) -> Option<Sensitivities> {
+        let recorded = self.left.recorded.as_ref()?;
+        let system = &self.compiled.complementarity;
+        fesd::differentiate(system, recorded, directions, instants).ok()
     }
 
     fn tell(&mut self, problem: &Problem<'_, 'e>, ended: &Ended, trajectory: &mut Trajectory) {

@@ -6,6 +6,7 @@
 //! there leads away.
 
 use nsd_solver::event::Segment;
+use nsd_solver::fesd;
 use nsd_solver::hybrid::Side;
 use nsd_solver::tape::{Scratch, Tape};
 use rustc_hash::FxHashMap;
@@ -24,6 +25,8 @@ const CLOSE: f64 = 1e-2;
 const SECTIONS: usize = 60;
 /// What is closer to an end of an element than this share of it is the end.
 const END: f64 = 1e-6;
+/// What bends by less than this share of its terms over the horizon does not turn.
+const RESTS: f64 = 1e-8;
 /// What estimates of errors may fall short by.
 const SAFETY: f64 = 2.0;
 /// Roundings that ψ and the states in it have seen.
@@ -257,17 +260,38 @@ pub(crate) struct Turned {
 }
 
 impl Turned {
+    /// How large the terms of ψ with this gradient have been.
+    fn reach(&self, gradient: &[f64]) -> f64 {
+        let terms = gradient.iter().zip(&self.scale);
+        terms.map(|(g, s)| g.abs() * s).sum()
+    }
+
+    /// The turns of a run over a horizon, as derivatives ask for them: not those of ψ that rests.
+    pub fn told(&self, system: &System, surfaces: &mut Surfaces, horizon: f64) -> Vec<fesd::Turn> {
+        let told = |turn: &Turn| {
+            let [_, gradient] = surfaces.rates_and_gradient(system, turn.switch);
+            let gradient = gradient.at(system, turn.time, turn.time, &turn.x, &turn.alpha);
+            let size = self.reach(gradient);
+            let turns = turn.bend * horizon.powi(2) > RESTS * size;
+            turns.then_some(fesd::Turn {
+                switch: turn.switch,
+                time: turn.time,
+                distance: turn.distance,
+                size,
+            })
+        };
+        let mut all: Vec<fesd::Turn> = self.found.iter().filter_map(told).collect();
+        all.sort_by(|a, b| a.time.total_cmp(&b.time));
+        all
+    }
+
     /// What a run with errors of this share of every state cannot tell, until its end.
     pub fn judge(&self, system: &System, surfaces: &mut Surfaces, error: f64, end: f64) -> Touches {
         let mut touches = Touches::default();
         for turn in &self.found {
             let [rates, gradient] = surfaces.rates_and_gradient(system, turn.switch);
             let gradient = gradient.at(system, turn.time, turn.time, &turn.x, &turn.alpha);
-            let reach: f64 = gradient
-                .iter()
-                .zip(&self.scale)
-                .map(|(g, s)| g.abs() * s)
-                .sum();
+            let reach = self.reach(gradient);
             let floor = ROUNDINGS * f64::EPSILON * (reach + turn.distance.abs());
             let known_to = floor + SAFETY * error * reach;
             let depth = known_to - turn.distance;

@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use nsd_solver::hybrid::Side;
+use nsd_solver::sensitivity::Sensitivities;
 use nsd_solver::tape::Tape;
 
 use super::physical_time::CLOSED;
@@ -12,8 +14,9 @@ use crate::system::freezing::{Frozen, Impact, Meeting, Memory};
 /// Where states, switches, relays and contacts of the original are in the frozen system.
 #[derive(Clone, Debug)]
 pub(super) struct BackMap {
-    /// Number of states of the original, which come first.
+    /// Number of states of the original, which come first, and of all.
     pub n_states: usize,
+    n_frozen: usize,
     /// The state that is physical time.
     pub clock: usize,
     /// Where each switch of the original is; none for relays and contacts.
@@ -70,6 +73,7 @@ impl BackMap {
         let inputs: Vec<Var> = states.chain(params).map(variable).collect();
         BackMap {
             n_states: frozen.n_states,
+            n_frozen: system.states.len(),
             clock: frozen.clock,
             places: frozen.places.clone(),
             relays: frozen.relays.clone(),
@@ -77,6 +81,33 @@ impl BackMap {
             meeting: frozen.meeting.clone(),
             looks: tape(&inputs, &numbers(system, open).apply(&outputs)),
         }
+    }
+
+    /// Derivatives of a run of the frozen system, in physical time, as those of the original, whose contacts are open.
+    pub fn sensed(&self, found: Sensitivities) -> Sensitivities {
+        let (n, behind) = (self.n_states, self.n_frozen);
+        let of_switches = |of: &[f64], other: f64| -> Vec<f64> {
+            let places = self.places.iter();
+            let all = places.map(|place| place.map_or(other, |place| of[behind + place]));
+            of[..n].iter().copied().chain(all).collect()
+        };
+        let point = |frozen: &[f64]| {
+            let mut point = of_switches(frozen, 1.0);
+            for memory in &self.relays {
+                point[n + memory.relay] = 0.5 + 0.5 * Side::of(frozen[memory.state] - 0.5).sign();
+            }
+            point
+        };
+        let switch = |frozen: usize| {
+            let mut places = self.places.iter();
+            let own = places.position(|place| *place == Some(frozen));
+            let contact = self
+                .contacts
+                .iter()
+                .find(|contact| contact.switch == frozen);
+            own.or(contact.map(|contact| contact.contact))
+        };
+        found.seen(point, |tangent| of_switches(tangent, 0.0), switch)
     }
 
     /// What is seen at a state of the frozen system with these values of its open parameters.

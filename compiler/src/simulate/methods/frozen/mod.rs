@@ -6,8 +6,10 @@ mod physical_time;
 mod runner;
 mod stretch;
 
-use nsd_solver::event::{Observer, Simulator};
+use nsd_solver::event::{Observer, Recording, Simulator};
+use nsd_solver::fesd::Recorded;
 use nsd_solver::hybrid::Outcome;
+use nsd_solver::sensitivity::{Directions, Moment, Sensitivities};
 use physical_time::End;
 pub(crate) use runner::FrozenRunner;
 
@@ -34,6 +36,8 @@ pub(crate) struct InNumericalTime<'e> {
     /// Order of the method, and the least member of a pair of complementarity, of the first run.
     order: usize,
     least_member: f64,
+    /// The elements of that run, where it is differentiated.
+    recorded: Option<Recorded>,
 }
 
 /// A system for runs with other values of some parameters, by their numbers.
@@ -66,6 +70,7 @@ impl<'e> InNumericalTime<'e> {
             open: open.to_vec(),
             order: 0,
             least_member: 0.0,
+            recorded: None,
         }
     }
 
@@ -124,9 +129,11 @@ impl<'e> Run<'e> for InNumericalTime<'e> {
         let (settings, runner) = (problem.settings, &mut self.runner);
         runner.set_parameters(&problem.system.values_of(&self.open));
         runner.choose(settings, accuracy, problem.limit.clone());
+        runner.records = problem.sensing.is_some() && !accuracy.is_finer;
         let run = runner.run(settings.horizon, &problem.x0, &mut self.kept, observer);
         if !accuracy.is_finer {
             (self.order, self.least_member) = (run.order, run.least_member);
+            self.recorded = run.recorded;
         }
         Ended {
             failure: self.failure(settings, &run.outcome, run.end),
@@ -155,6 +162,16 @@ impl<'e> Run<'e> for InNumericalTime<'e> {
 
     fn takes_numbers(&self) -> bool {
         self.runner.takes_measures()
+    }
+
+    fn differentiate(
+        &self,
+        _: &Recording,
+        _: &Ended,
+        (directions, instants): (&Directions, &[Moment]),
+    ) -> Option<Sensitivities> {
+        let recorded = self.recorded.as_ref()?;
+        (self.runner).differentiate(recorded, directions, instants)
     }
 
     fn tell(&mut self, problem: &Problem<'_, 'e>, ended: &Ended, trajectory: &mut Trajectory) {

@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use nsd_solver::event::{Observer, Simulator};
-use nsd_solver::fesd::{self as elements, ComplementaritySystem, Grid, Library};
+use nsd_solver::fesd::{self as elements, ComplementaritySystem, Grid, Library, Recorded};
 use nsd_solver::hybrid as solver;
 use nsd_solver::hybrid::{Coefficient, HybridSystem, Outcome, Side};
+use nsd_solver::sensitivity::{Directions, Moment, Sensitivities};
 
 use super::back_map::BackMap;
 use super::law::impact;
@@ -16,7 +17,7 @@ use crate::lowering::{dcs, hybrid};
 use crate::simulate::driver::Accuracy;
 use crate::simulate::methods::events::{finer, renewed, solver_settings};
 use crate::simulate::methods::fesd::complementarity_open;
-use crate::simulate::methods::fesd::{grid, options};
+use crate::simulate::methods::fesd::{Keeper, grid, options};
 use crate::system::System;
 use crate::system::experiment::Settings;
 use crate::system::freezing::{Frozen, Measures, Start};
@@ -37,6 +38,8 @@ pub(crate) struct FrozenRunner {
     n_measures: usize,
     /// What states behind those of the original start with.
     behind: Vec<f64>,
+    /// Whether elements are recorded.
+    pub(super) records: bool,
 }
 
 /// By what it is run.
@@ -62,6 +65,8 @@ pub(crate) struct PhysicalRun {
     /// Order of the method, and the least member of a pair of complementarity.
     pub order: usize,
     pub least_member: f64,
+    /// Where it is differentiated.
+    pub(super) recorded: Option<Recorded>,
 }
 
 impl FrozenRunner {
@@ -84,6 +89,7 @@ impl FrozenRunner {
             open: open.to_vec(),
             n_measures: inputs.len() - open.len(),
             behind: behind.map(|state| state.initial).collect(),
+            records: false,
         };
         runner.choose(settings, Accuracy::of(settings), Limit::default());
         runner
@@ -155,6 +161,7 @@ impl FrozenRunner {
             end: Some(end),
             order: 0,
             least_member: 0.0,
+            recorded: None,
         })
     }
 
@@ -182,7 +189,7 @@ impl FrozenRunner {
             x: &x,
             parameters: &parameters,
         };
-        let (mut order, mut least_member) = (0, 0.0_f64);
+        let (mut order, mut least_member, mut recorded) = (0, 0.0_f64, None);
         let drive = |run: &mut Numerical| drive(&self.map, initial, horizon, observer, law, run);
         let (outcome, end) = match &mut self.integrator {
             Integrator::Events { hybrid, settings } => {
@@ -198,15 +205,30 @@ impl FrozenRunner {
                 ..
             } => {
                 complementarity.parameters.copy_from_slice(&parameters);
+                let records = self.records;
                 drive(&mut |end, x, physical| {
                     let settings = elements::Settings {
                         grid: longer(settings.grid, end / horizon),
                         ..settings.clone()
                     };
-                    let simulator = elements::Simulator::new(complementarity, settings);
+                    let simulator = elements::Simulator::new(complementarity, settings.clone());
                     let simulator = simulator.expect("the number of nodes has been checked");
                     let mut simulator = simulator.knowing(std::mem::take(library));
-                    let solution = simulator.run(0.0, end, x, physical);
+                    let mut observer: &mut dyn Observer = physical;
+                    let solution = match records {
+                        false => simulator.run(0.0, end, x, &mut observer),
+                        true => {
+                            let mut keeper = Keeper::recording(observer);
+                            let solution = simulator.run(0.0, end, x, &mut keeper);
+                            recorded = keeper.recording.map(|recording| Recorded {
+                                settings,
+                                recording,
+                                turns: Vec::new(),
+                                clock: Some(self.map.clock),
+                            });
+                            solution
+                        }
+                    };
                     *library = simulator.library().clone();
                     least_member = least_member.min(solution.least_member);
                     order = simulator.order();
@@ -219,7 +241,33 @@ impl FrozenRunner {
             end,
             order,
             least_member,
+            recorded,
         }
+    }
+
+    /// The derivatives of a run, of states and switches of the original. What measures are, and how states behind them
+    /// start, moves nothing of these.
+    pub fn differentiate(
+        &self,
+        recorded: &Recorded,
+        directions: &Directions,
+        instants: &[Moment],
+    ) -> Option<Sensitivities> {
+        let Integrator::Elements {
+            complementarity, ..
+        } = &self.integrator
+        else {
+            return None;
+        };
+        let mut directions = directions.clone();
+        for x in &mut directions.initial {
+            x.resize(x.len() + self.behind.len(), 0.0);
+        }
+        for by in &mut directions.parameters {
+            by.resize(complementarity.parameters.len(), 0.0);
+        }
+        let found = elements::differentiate(complementarity, recorded, &directions, instants);
+        Some(self.map.sensed(found.ok()?))
     }
 
     /// How switches are stated for elements.

@@ -1,6 +1,7 @@
 //! What changes in the course of a run by finite elements.
 
-use super::place::Place;
+pub(crate) mod place;
+
 use super::system::{ComplementaritySystem, measure};
 use crate::events::chattering::Chatter;
 use crate::events::zeno::Events;
@@ -9,6 +10,7 @@ use crate::fesd::watch::Start;
 use crate::hybrid::{Note, Stats, Status};
 use crate::runtime::pace::Pace;
 use crate::selector::Decision;
+use place::Place;
 
 /// Breakpoints and ends of steps this close, relative to time, are one instant.
 pub(crate) const NEAR: f64 = 16.0 * f64::EPSILON;

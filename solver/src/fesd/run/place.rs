@@ -1,7 +1,7 @@
 //! The present point of a run, with what rounding has taken from it.
 
-use super::system::Zero;
-use super::system::pointwise::Point;
+use crate::fesd::system::Zero;
+use crate::fesd::system::pointwise::Point;
 
 /// Where a run is.
 pub(crate) struct Place {
