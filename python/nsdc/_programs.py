@@ -17,7 +17,17 @@ from ._commands import CommandError
 
 @dataclass(frozen=True)
 class Solution:
-    """What came of a program: minimize F(x) subject to constraints and 0 <= G(x) ⟂ H(x) >= 0."""
+    """What came of a program: minimize F(x) subject to constraints and 0 <= G(x) ⟂ H(x) >= 0.
+
+    >>> import nsdc, pathlib, tempfile
+    >>> text = "model m { state x = 1; control u in [0, 1] = 0; x' = u; } optimize o of m { horizon 1; minimize final(x); }"
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "o.nl")
+    ...     _ = path.write_text(nsdc.loads(text)["o"].emit("nl"))
+    ...     solution = nsdc.solve_nl(path, starts=1)
+    >>> solution.status, round(solution.objective, 6), solution.violation < 1e-8
+    ('solved', 1.0, True)
+    """
 
     #: The name of the file, without its folder and ending.
     problem: str

@@ -90,65 +90,6 @@ impl<'e> Problem<'e> {
         first.filter(|_| duration > BRIEF * horizon)
     }
 
-    /// Where a relay is on neither side of a point first, if one is for long.
-    fn undecided(&self, w: &[f64]) -> Option<Undecided> {
-        let (frozen, at, layout) = (self.frozen.as_ref()?, self.at(w), &self.layout);
-        let (mut first, mut duration) = (None, 0.0);
-        for (k, j) in layout.all_elements() {
-            let instants = at.instants((k, j), 0.0);
-            if at.stands((k, j), &instants) {
-                continue;
-            }
-            let is_between = |state: usize| {
-                let nodes = (1..=layout.nodes).map(|m| w[layout.x(k, j, m) + state]);
-                let mean = nodes.sum::<f64>() / layout.nodes as f64;
-                (APART..=1.0 - APART).contains(&mean)
-            };
-            let mut relays = frozen.relays.iter();
-            if let Some(memory) = relays.find(|memory| is_between(memory.state)) {
-                duration += instants[layout.end] - instants[0];
-                first.get_or_insert(Undecided {
-                    time: instants[0],
-                    relay: memory.relay,
-                });
-            }
-        }
-        first.filter(|_| duration > BRIEF * at.horizon())
-    }
-
-    /// What is wrong with a solution in which a relay is on neither side.
-    fn on_no_side(&self, undecided: &Undecided) -> Failure {
-        let switch = &self.system.switches[undecided.relay];
-        let span = switch.spans.first().copied();
-        let label = "its sides are all it has".to_owned();
-        Failure::NotOptimal {
-            what: format!(
-                "in the point that was found relay `{}` is between its two sides from t = {:.6} on, which the model never is",
-                switch.name, undecided.time
-            ),
-            is_feasible: false,
-            lines: vec![LabeledSpan::new_with_span(
-                Some(label),
-                span.unwrap_or(self.settings.span),
-            )],
-        }
-    }
-
-    /// What is wrong with the modes of a solution, beside a run with its controls where modes are read nonlinearly.
-    fn in_no_mode(&self, run: &ReferenceRun, w: &[f64]) -> Option<Failure> {
-        let undecided = self.undecided(w);
-        let undecided = undecided.map(|undecided| self.on_no_side(&undecided));
-        undecided.or_else(|| {
-            let difference = self.difference(run, w)?;
-            Some(self.in_other_mode(&difference))
-        })
-    }
-
-    /// Whether a solution may be in modes that the model is not in.
-    pub(super) fn has_other_modes(&self, w: &[f64]) -> bool {
-        !self.dcs.switches.branches.is_empty() || self.undecided(w).is_some()
-    }
-
     /// What is wrong with a solution in other modes than the model.
     fn in_other_mode(&self, difference: &Difference) -> Failure {
         let switch = &self.system.switches[difference.switch];
@@ -166,6 +107,65 @@ impl<'e> Problem<'e> {
             span: switch.spans.first().copied().unwrap_or(self.settings.span),
         }
     }
+}
+
+/// Where a relay is on neither side of a point first, if one is for long.
+fn undecided(problem: &Problem<'_>, w: &[f64]) -> Option<Undecided> {
+    let (frozen, at, layout) = (problem.frozen.as_ref()?, problem.at(w), &problem.layout);
+    let (mut first, mut duration) = (None, 0.0);
+    for (k, j) in layout.all_elements() {
+        let instants = at.instants((k, j), 0.0);
+        if at.stands((k, j), &instants) {
+            continue;
+        }
+        let is_between = |state: usize| {
+            let nodes = (1..=layout.nodes).map(|m| w[layout.x(k, j, m) + state]);
+            let mean = nodes.sum::<f64>() / layout.nodes as f64;
+            (APART..=1.0 - APART).contains(&mean)
+        };
+        let mut relays = frozen.relays.iter();
+        if let Some(memory) = relays.find(|memory| is_between(memory.state)) {
+            duration += instants[layout.end] - instants[0];
+            first.get_or_insert(Undecided {
+                time: instants[0],
+                relay: memory.relay,
+            });
+        }
+    }
+    first.filter(|_| duration > BRIEF * at.horizon())
+}
+
+/// What is wrong with a solution in which a relay is on neither side.
+fn on_no_side(problem: &Problem<'_>, undecided: &Undecided) -> Failure {
+    let switch = &problem.system.switches[undecided.relay];
+    let span = switch.spans.first().copied();
+    let label = "its sides are all it has".to_owned();
+    Failure::NotOptimal {
+        what: format!(
+            "in the point that was found relay `{}` is between its two sides from t = {:.6} on, which the model never is",
+            switch.name, undecided.time
+        ),
+        is_feasible: false,
+        lines: vec![LabeledSpan::new_with_span(
+            Some(label),
+            span.unwrap_or(problem.settings.span),
+        )],
+    }
+}
+
+/// What is wrong with the modes of a solution, beside a run with its controls where modes are read nonlinearly.
+fn in_no_mode(problem: &Problem<'_>, run: &ReferenceRun, w: &[f64]) -> Option<Failure> {
+    let undecided = undecided(problem, w);
+    let undecided = undecided.map(|undecided| on_no_side(problem, &undecided));
+    undecided.or_else(|| {
+        let difference = problem.difference(run, w)?;
+        Some(problem.in_other_mode(&difference))
+    })
+}
+
+/// Whether a solution may be in modes that the model is not in.
+pub(super) fn has_other_modes(problem: &Problem<'_>, w: &[f64]) -> bool {
+    !problem.dcs.switches.branches.is_empty() || undecided(problem, w).is_some()
 }
 
 /// Brings a solution into the modes of the model as long as the limit allows; the failure says why it is in others, or is that
@@ -187,7 +187,7 @@ pub(super) fn settle(
             (Some(failure), _) => return Some(failure.clone()),
             (None, _) => {}
         }
-        let failure = problem.in_no_mode(&run, &solution.w)?;
+        let failure = in_no_mode(problem, &run, &solution.w)?;
         if rounds.next().is_none() {
             return Some(failure);
         }

@@ -7,7 +7,7 @@ use nsd_solver::optimization::problem::{Mpcc, Nlp, Side};
 use super::Problem;
 use crate::diagnostics::counted;
 use crate::lowering::discretize::DiscretizeError;
-use crate::lowering::mpcc::{Origin, Source};
+use crate::lowering::mpcc::{self, Kind, Origin, Source};
 use crate::report::{Failure, Stationarity};
 use crate::source::Span;
 use crate::system::experiment::Settings;
@@ -127,6 +127,17 @@ fn line(problem: &Problem, row: usize) -> Option<Span> {
     span_of(&problem.mpcc.origin(&problem.program, row)?)
 }
 
+/// Where the pair of this number among all pairs comes from.
+fn origin_of_pair(mpcc: &mpcc::Mpcc<'_>, pair: usize) -> Option<Origin> {
+    let mut before = 0;
+    let mut blocks = (mpcc.blocks.iter()).filter(|block| block.kind == Kind::Pair);
+    blocks.find_map(|block| {
+        let own = pair - before;
+        before += block.n_rows() / 2;
+        (pair < before).then(|| block.origin(own))
+    })
+}
+
 fn span_of(origin: &Origin) -> Option<Span> {
     match origin.source {
         Source::Dcs(origin) => Some(origin.span),
@@ -158,7 +169,7 @@ fn weak(problem: &Problem, solution: &Solution) -> Failure {
     let wrong: Vec<usize> = (solution.biactive.iter().copied())
         .filter(is_wrong)
         .collect();
-    let statement = |&pair: &usize| span_of(&problem.mpcc.origin_of_pair(pair)?);
+    let statement = |&pair: &usize| span_of(&origin_of_pair(&problem.mpcc, pair)?);
     let mut spans: Vec<Span> = Vec::new();
     for span in wrong.iter().filter_map(statement) {
         if !spans.contains(&span) {
@@ -215,7 +226,7 @@ fn lines(problem: &mut Problem, w: &[f64]) -> Vec<LabeledSpan> {
             Side::Row(row) => values[row as usize],
             Side::Variable(variable) => w[variable as usize],
         });
-        let origin = problem.mpcc.origin_of_pair(number);
+        let origin = origin_of_pair(&problem.mpcc, number);
         let span = origin.and_then(|origin| span_of(&origin));
         (span, a.min(b).abs())
     });

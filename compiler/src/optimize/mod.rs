@@ -157,7 +157,8 @@ impl<'e> Problem<'e> {
             .best
             .unwrap_or_else(|| least_violated(&found.solutions));
         let mut solution = found.solutions[best].clone();
-        let has_other_modes = solution.is_feasible() && self.has_other_modes(&solution.w);
+        let has_other_modes =
+            solution.is_feasible() && branches::has_other_modes(self, &solution.w);
         let in_other_mode = match has_other_modes {
             true => branches::settle(self, &mut solution, options, limit, watch),
             false => None,

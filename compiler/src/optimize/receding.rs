@@ -300,7 +300,7 @@ fn found(problem: &mut Problem<'_>, begin: &Begin, watch: &mut dyn Watch) -> Fou
     let found = start::solve(problem, begin, watch);
     let best = found.best.unwrap_or(0);
     let mut solution = found.solutions[best].clone();
-    let has_other_modes = solution.is_feasible() && problem.has_other_modes(&solution.w);
+    let has_other_modes = solution.is_feasible() && branches::has_other_modes(problem, &solution.w);
     let (options, limit) = (&begin.options, &begin.options.limit);
     let in_other_mode = match has_other_modes {
         true => branches::settle(problem, &mut solution, options, limit, watch),

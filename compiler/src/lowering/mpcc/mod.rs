@@ -359,21 +359,6 @@ impl<'e> Mpcc<'e> {
         before.map(|block| block.n_rows() / 2).sum()
     }
 
-    /// Where the pair of this number among all pairs comes from.
-    pub fn origin_of_pair(&self, pair: usize) -> Option<Origin> {
-        let mut before = 0;
-        let blocks = self.blocks.iter().filter(|block| block.kind == Kind::Pair);
-        for block in blocks {
-            let own = pair - before;
-            let count = block.n_rows() / 2;
-            if own < count {
-                return Some(block.origin(own));
-            }
-            before += count;
-        }
-        None
-    }
-
     /// l, u and guess of all variables.
     pub fn bounds(&self) -> Vec<Bounds> {
         let blocks = self.variables.iter();

@@ -10,7 +10,7 @@ use nsd_solver::optimization::mpcc::{Options, Solution};
 
 use super::choices::choices;
 use super::descent::{self, Candidate, Found, LARGE, SMALL, Search};
-use super::reduced::Reduced;
+use super::reduced::{Reduced, Values};
 use super::solved;
 use crate::limit::Limit;
 use crate::optimize::Problem;
@@ -282,9 +282,8 @@ fn look(
         .chain(&multipliers.lower)
         .chain(&multipliers.upper);
     let largest = all.fold(0.0, |m: f64, y| m.max(y.abs()));
-    let error = base
-        .as_ref()
-        .map_or(0.0, |base| (base.cost - solution.objective).abs());
+    let error = |base: &Values| (base.cost - solution.objective).abs();
+    let error = base.as_ref().map_or(0.0, error);
     let terminal = base
         .as_ref()
         .map_or(0.0, |base| solved::terminal_error(problem, w, &base.end));
