@@ -443,3 +443,46 @@ fn what_is_not_differentiated_is_refused() {
         assert!(found.contains("E0532") && found.contains(why), "{found}");
     }
 }
+
+/// Where a state is simple and its derivative is not, elements that serve the one are too long for the other: what is known
+/// is right, and the rest is said to be unknown. The integral of sin(3t) is (1 - cos(3t))/3, and the swing of a pendulum
+/// about its rest is cos(t).
+#[test]
+fn elements_that_are_too_long_for_derivatives_are_told() {
+    type Exact = fn(f64) -> f64;
+    let models: [(&str, &str, Exact); 2] = [
+        ("param z = 0; state x = 1; x' = z*sin(3*time);", "z", |t| {
+            (1.0 - (3.0 * t).cos()) / 3.0
+        }),
+        (
+            "state x = 0; state v = 0; x' = v; v' = -sin(x);",
+            "x at 0",
+            f64::cos,
+        ),
+    ];
+    for (model, by, exact) in models {
+        for method in [
+            "fesd",
+            "fesd { scheme = gauss(2); }",
+            "fesd { scheme = radau_iia(3); }",
+        ] {
+            let text = format!(
+                "model m {{ {model} }} simulate s of m {{ horizon 10; output x at [2.5, 5, 10]; method {method}; sensitivity to {by}; }}"
+            );
+            let run = run_within(&text, Some(1e-10));
+            assert!(run.failure.is_none(), "{:?}", run.failure);
+            let found = &run.samples.sensitivities[0];
+            let own = &found.states[0];
+            let mut is_known = true;
+            for (k, &t) in run.samples.time.iter().enumerate() {
+                let slope = own.at(k)[0];
+                is_known &= slope.is_finite();
+                assert!(
+                    slope.is_nan() || (slope - exact(t)).abs() < 1e-3,
+                    "{method} {t}: {slope}"
+                );
+            }
+            assert!(is_known || warned(&run), "{method}: {:?}", run.warnings);
+        }
+    }
+}

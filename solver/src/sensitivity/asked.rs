@@ -1,6 +1,6 @@
 //! What is asked of a run that is differentiated, and what is found.
 
-use super::why::Loss;
+use super::why::{Loss, Why};
 
 /// By what a run is differentiated: for each direction, what it does to the start and to the parameters.
 #[derive(Clone, Debug, Default)]
@@ -40,6 +40,11 @@ pub struct EventTime {
     /// dt/dp by direction; not a number where it is not known.
     pub by: Vec<f64>,
 }
+
+/// Instants that are nearer to an event, relative to 1 and to themselves, may be on either side of it.
+const BESIDE: f64 = 1e-9;
+/// Differences below this are none, whatever the sizes of tangents are.
+const NOTHING: f64 = 1e-9;
 
 /// The derivatives of a run.
 pub struct Sensitivities {
@@ -88,6 +93,53 @@ impl Sensitivities {
     /// Gives up a direction, unless it is lost.
     pub(crate) fn lose(&mut self, direction: usize, loss: Loss) {
         self.lost[direction].get_or_insert(loss);
+    }
+
+    /// Gives up directions from where on a finer run has other tangents of these many states: by more than a share of the
+    /// largest entry that they have had. Where something happens either may be on the other side.
+    pub fn confirm(&mut self, finer: &Sensitivities, n_states: usize, within: f64) {
+        let near = |time: f64| {
+            let mut events = self.events.iter().chain(&finer.events);
+            events.any(|event| (event.time - time).abs() <= BESIDE * time.abs().max(1.0))
+        };
+        let compared: Vec<usize> = (0..self.n_points())
+            .filter(|&instant| !near(self.instants[instant].time))
+            .collect();
+        for direction in 0..self.lost.len() {
+            let (mut largest, mut known) = (0.0_f64, 0.0);
+            for &instant in &compared {
+                let Some(own) = self.at(instant, direction) else {
+                    break;
+                };
+                let other = finer.at(instant, direction);
+                let differs = other.is_none_or(|other| {
+                    let states = other.iter().take(n_states);
+                    largest = states.fold(largest, |most, v| most.max(v.abs()));
+                    let pairs = own.iter().zip(other).take(n_states);
+                    let mut apart = pairs.map(|(a, b)| (a - b).abs());
+                    apart.any(|apart| apart > within * largest + NOTHING)
+                });
+                if differs {
+                    self.give_up(direction, known);
+                    break;
+                }
+                known = self.instants[instant].time;
+            }
+        }
+    }
+
+    /// Gives up a direction from an instant on, events behind it among that.
+    fn give_up(&mut self, direction: usize, time: f64) {
+        self.lose(
+            direction,
+            Loss {
+                time,
+                why: Why::Coarse,
+                switches: Vec::new(),
+            },
+        );
+        let behind = self.events.iter_mut().filter(|event| event.time > time);
+        behind.for_each(|event| event.by[direction] = f64::NAN);
     }
 
     /// Of the instants that are left nothing is known.

@@ -48,6 +48,11 @@ pub enum Why {
     /// The tangent is not found to its tolerance.
     #[error("the tangent is not smooth enough to be integrated")]
     Rough,
+    /// A run with finer elements has another tangent.
+    #[error(
+        "a run with finer elements has another derivative: a smaller tolerance, or more steps, may find it"
+    )]
+    Coarse,
     /// The time of the run is up.
     #[error("the time is up")]
     TimeLimit,

@@ -79,6 +79,7 @@ impl Experiment {
     }
 
     /// Leaves out what runs are differentiated by.
+    #[cfg(feature = "cli")]
     pub(crate) fn forget_sensed(&mut self) {
         self.settings
             .retain(|setting| !matches!(setting.kind, SettingKind::Sensitivity { .. }));

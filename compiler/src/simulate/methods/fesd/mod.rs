@@ -45,6 +45,8 @@ const MOST_SHARE: f64 = 0.5;
 
 /// Nodes of the largest schemes of Radau IIA and Gauss.
 const MOST_NODES: usize = 9;
+/// Derivatives that a finer run changes by more than this share of the largest one are not known.
+const CONFIRMED: f64 = 1e-4;
 
 /// Keeps the multipliers and elements of a run, and looks at surfaces that are touched, besides what another observer does.
 pub(in crate::simulate) struct Keeper<'s, 'e, 'o> {
@@ -121,6 +123,8 @@ pub(crate) struct ByElements {
     left: Left,
     /// The defect that an element of the second run may have.
     allowed: Option<f64>,
+    /// The elements of that run, where it is differentiated.
+    finer: Option<Recorded>,
 }
 
 /// What a run leaves besides its end.
@@ -150,6 +154,7 @@ impl ByElements {
             pulses,
             left: Left::default(),
             allowed: None,
+            finer: None,
         }
     }
 
@@ -179,7 +184,9 @@ impl<'e> Run<'e> for ByElements {
         let settings = elements(options(problem.settings), accuracy, problem.limit.clone());
         self.compiled.load(problem.system);
         let is_kept = problem.multipliers && !accuracy.is_finer;
-        let is_recorded = problem.sensing.is_some() && !accuracy.is_finer;
+        // A grid is taken as it is, and so are its derivatives.
+        let is_adaptive = options(problem.settings).steps.is_none();
+        let is_recorded = problem.sensing.is_some() && (is_adaptive || !accuracy.is_finer);
         let mut keeper = Keeper {
             observer,
             kept: is_kept.then(|| empty(&self.algebraics)),
@@ -196,15 +203,16 @@ impl<'e> Run<'e> for ByElements {
         } = run;
         let (kept, recording) = (keeper.kept, keeper.recording);
         let turned = keeper.turns.map(Turns::done).unwrap_or_default();
+        let recorded = recording.map(|recording| Recorded {
+            settings,
+            recording,
+            turns: turned.told(problem.system, &mut self.surfaces, horizon),
+            clock: None,
+        });
         if accuracy.is_finer {
-            self.allowed = allowed;
+            (self.allowed, self.finer) = (allowed, recorded);
         } else {
-            let recorded = recording.map(|recording| Recorded {
-                settings,
-                recording,
-                turns: turned.told(problem.system, &mut self.surfaces, horizon),
-                clock: None,
-            });
+            self.finer = None;
             self.left = Left {
                 order,
                 least_member: solution.least_member,
@@ -273,7 +281,8 @@ impl<'e> Run<'e> for ByElements {
     ) -> Option<Sensitivities> {
         let recorded = self.left.recorded.as_ref()?;
         let system = &self.compiled.complementarity;
-        fesd::differentiate(system, recorded, directions, instants).ok()
+        let by = |run: &Recorded| fesd::differentiate(system, run, directions, instants).ok();
+        confirmed(by, [Some(recorded), self.finer.as_ref()], directions)
     }
 
     fn tell(&mut self, problem: &Problem<'_, 'e>, ended: &Ended, trajectory: &mut Trajectory) {
@@ -291,6 +300,20 @@ impl<'e> Run<'e> for ByElements {
             trajectory.warnings.extend(unseen);
         }
     }
+}
+
+/// The derivatives of a run, where those of a finer one are the same.
+pub(crate) fn confirmed(
+    by: impl Fn(&Recorded) -> Option<Sensitivities>,
+    [run, finer]: [Option<&Recorded>; 2],
+    directions: &Directions,
+) -> Option<Sensitivities> {
+    let mut found = by(run?)?;
+    let n_states = directions.initial.first().map_or(0, Vec::len);
+    if let Some(finer) = finer.and_then(by) {
+        found.confirm(&finer, n_states, CONFIRMED);
+    }
+    Some(found)
 }
 
 /// No values yet of any algebraic variable.

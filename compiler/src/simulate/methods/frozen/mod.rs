@@ -20,7 +20,7 @@ use crate::simulate::driver::{Accuracy, Ended, Problem, Run};
 use crate::simulate::estimate::Estimator;
 use crate::simulate::outcome;
 use crate::simulate::record::modes::ModeNames;
-use crate::system::experiment::{MethodKind, Settings};
+use crate::system::experiment::{self, MethodKind, Settings};
 use crate::system::freezing::{Frozen, freeze, freeze_open};
 use crate::system::{System, SystemError};
 
@@ -38,6 +38,8 @@ pub(crate) struct InNumericalTime<'e> {
     least_member: f64,
     /// The elements of that run, where it is differentiated.
     recorded: Option<Recorded>,
+    /// Those of the finer run.
+    finer: Option<Recorded>,
 }
 
 /// A system for runs with other values of some parameters, by their numbers.
@@ -71,6 +73,7 @@ impl<'e> InNumericalTime<'e> {
             order: 0,
             least_member: 0.0,
             recorded: None,
+            finer: None,
         }
     }
 
@@ -129,11 +132,15 @@ impl<'e> Run<'e> for InNumericalTime<'e> {
         let (settings, runner) = (problem.settings, &mut self.runner);
         runner.set_parameters(&problem.system.values_of(&self.open));
         runner.choose(settings, accuracy, problem.limit.clone());
-        runner.records = problem.sensing.is_some() && !accuracy.is_finer;
+        // As of `method fesd`.
+        let is_adaptive = matches!(&settings.numerics.method, experiment::Method::Fesd(options) if options.steps.is_none());
+        runner.records = problem.sensing.is_some() && (is_adaptive || !accuracy.is_finer);
         let run = runner.run(settings.horizon, &problem.x0, &mut self.kept, observer);
-        if !accuracy.is_finer {
+        if accuracy.is_finer {
+            self.finer = run.recorded;
+        } else {
             (self.order, self.least_member) = (run.order, run.least_member);
-            self.recorded = run.recorded;
+            (self.recorded, self.finer) = (run.recorded, None);
         }
         Ended {
             failure: self.failure(settings, &run.outcome, run.end),
@@ -170,8 +177,9 @@ impl<'e> Run<'e> for InNumericalTime<'e> {
         _: &Ended,
         (directions, instants): (&Directions, &[Moment]),
     ) -> Option<Sensitivities> {
-        let recorded = self.recorded.as_ref()?;
-        (self.runner).differentiate(recorded, directions, instants)
+        let by = |run: &Recorded| (self.runner).differentiate(run, directions, instants);
+        let runs = [self.recorded.as_ref(), self.finer.as_ref()];
+        super::fesd::confirmed(by, runs, directions)
     }
 
     fn tell(&mut self, problem: &Problem<'_, 'e>, ended: &Ended, trajectory: &mut Trajectory) {
