@@ -123,7 +123,8 @@ impl Span {
         };
         Span {
             near: match of.clock {
-                None => 0.0,
+                // An instant that is asked for and that of an event are rounded.
+                None => 4.0 * f64::EPSILON * end.abs(),
                 Some(_) => 1e-12 * end.abs(),
             },
             h: solved.h,
