@@ -486,3 +486,20 @@ fn elements_that_are_too_long_for_derivatives_are_told() {
         }
     }
 }
+
+/// An instant that is asked for and that of a switch of time are the same but for rounding: each row has the value and the
+/// derivative of its own side, ±p and ±1.
+#[test]
+fn rows_at_an_event_are_on_their_own_sides() {
+    let text = "model m { param p = 0.3; param q = 1; state x = 0.2; x' = sin(3*x) + p*step(time - 0.2*q); output o = p*sign(time - 0.2*q); }
+        simulate s of m { horizon 2; output at [0.2, 2]; sensitivity to p, q; }";
+    let run = known(text, "method fesd;", Some(1e-10));
+    let (values, slopes) = (
+        &run.samples.outputs[0],
+        &run.samples.sensitivities[0].outputs[0],
+    );
+    for row in 0..run.samples.time.len() {
+        near(slopes.at(row)[0], values.at(row)[0] / 0.3, 1e-12);
+    }
+    assert_eq!(run.samples.time.len(), 3);
+}
