@@ -9,7 +9,7 @@ use nsd_solver::optimization::problem::{Mpcc, Nlp};
 
 /// How many starts there are at most, where it is not said how many.
 const MOST: usize = 32;
-/// They begin then as long as all iterations, times the number of variables and rows, are fewer than this: a second or less.
+/// They begin then as long as all iterations, times the number of variables and rows, are fewer than this: a second or two.
 const EFFORT: usize = 1_000_000;
 /// Each value of the start is moved by a normal deviate times one of these, by turns.
 const DEVIATIONS: [f64; 4] = [0.3, 1.0, 3.0, 10.0];

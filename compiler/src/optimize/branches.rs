@@ -154,7 +154,7 @@ fn on_no_side(problem: &Problem<'_>, undecided: &Undecided) -> Failure {
 }
 
 /// What is wrong with the modes of a solution, beside a run with its controls where modes are read nonlinearly.
-fn in_no_mode(problem: &Problem<'_>, run: &ReferenceRun, w: &[f64]) -> Option<Failure> {
+fn failure_of_modes(problem: &Problem<'_>, run: &ReferenceRun, w: &[f64]) -> Option<Failure> {
     let undecided = undecided(problem, w);
     let undecided = undecided.map(|undecided| on_no_side(problem, &undecided));
     undecided.or_else(|| {
@@ -187,7 +187,7 @@ pub(super) fn settle(
             (Some(failure), _) => return Some(failure.clone()),
             (None, _) => {}
         }
-        let failure = in_no_mode(problem, &run, &solution.w)?;
+        let failure = failure_of_modes(problem, &run, &solution.w)?;
         if rounds.next().is_none() {
             return Some(failure);
         }

@@ -12,12 +12,17 @@ const ABSOLUTE: [f64; 3] = [1.0, 1e-4, 1e-4];
 const ABSOLUTE_ACCEPTABLE: [f64; 3] = [1e10, 1e-2, 1e-2];
 /// The error of a barrier problem that has come to rounding is not tried with a μ below this.
 const LAST_STALL: f64 = 1e-10;
+/// An objective that changes by a larger share from one point to the next is on its way: where curvature is less than what
+/// regularizes it, a small gradient is left in many short steps.
+const SETTLED: f64 = 1e-9;
 /// A variable or objective beyond this is unbounded.
 const BEYOND: f64 = 1e20;
 
 /// Points with an acceptable error.
 pub(crate) struct Termination {
     n_acceptable: usize,
+    /// The objective of the last one.
+    objective: f64,
     stall: Stall,
     /// The best of them.
     pub acceptable: Saved,
@@ -27,6 +32,7 @@ impl Termination {
     pub fn new(own: usize, m: usize) -> Self {
         Termination {
             n_acceptable: 0,
+            objective: f64::NAN,
             stall: Stall::default(),
             acceptable: Saved::new(own, m),
         }
@@ -53,16 +59,21 @@ impl Termination {
             && problem.has_arrived()
             && problem.is_within(errors, ABSOLUTE_ACCEPTABLE);
         rest.is_stalled = false;
+        let mut is_settled = false;
         if is_acceptable {
             self.acceptable.keep(problem, error);
-            self.n_acceptable += 1;
+            let objective = problem.values.f;
+            let change = (objective - std::mem::replace(&mut self.objective, objective)).abs();
+            is_settled = change <= SETTLED * objective.abs().max(1.0);
+            self.n_acceptable = if is_settled { self.n_acceptable + 1 } else { 0 };
             let error = errors.optimality(&problem.iterate, problem.mu);
             rest.is_stalled = self.stall.record(problem.mu, error);
         } else {
             self.n_acceptable = 0;
         }
         // Smaller distances from bounds than these do not pay for more of it.
-        let is_last = rest.is_stalled && problem.mu <= LAST_STALL.max(options.mu_floor());
+        let is_last =
+            rest.is_stalled && is_settled && problem.mu <= LAST_STALL.max(options.mu_floor());
         if is_last || self.n_acceptable >= options.acceptable_iterations {
             return Some(Status::Acceptable);
         }

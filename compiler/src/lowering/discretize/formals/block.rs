@@ -57,7 +57,7 @@ impl<const N: usize> Builder<N> {
     }
 
     /// The arguments `formals` are consecutive variables place by place, from this one on.
-    pub fn own(self, formals: &[Expr], first: usize) -> Self {
+    pub fn place_by_place(self, formals: &[Expr], first: usize) -> Self {
         let ranges = self.ranges;
         let number = move |place: [usize; N]| {
             let indices = ranges.iter().zip(place);

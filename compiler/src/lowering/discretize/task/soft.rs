@@ -44,7 +44,8 @@ impl<'e> Points<'_, 'e> {
         let values = formals.timed(&[row.value, penalty.weight], h);
         let values = [values[0], values[1]];
         Ok(match row.at {
-            At::Start | At::End => {
+            At::Start => unreachable!("rows of `initial` are not soft"),
+            At::End => {
                 let (block, values) = self.at_end(&[row.value, penalty.weight], row.span)?;
                 soft.state(block, [values[0], values[1]], one, mpcc)
             }
@@ -116,7 +117,7 @@ impl<'s, 'e> Soft<'s, 'e> {
         let names = self.slacks.iter().map(|slack| slack.0.clone()).collect();
         let first = mpcc.declare("s", names, block.ranges(), bounds);
         let s = exprs.variables("s", n);
-        let block = block.own(&s, first);
+        let block = block.place_by_place(&s, first);
         let signs: Vec<i8> = self.slacks.iter().map(|slack| slack.1).collect();
         let off = signs.iter().zip(&s);
         let off = exprs.sum(off.map(|(&sign, &s)| f64::from(sign) * s));

@@ -169,10 +169,9 @@ pub struct Integral<'e> {
 }
 
 /// What becomes of a constraint.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub enum Holds<'e> {
     /// It holds.
-    #[default]
     Strictly,
     /// Missing it costs.
     Softly(Penalty<'e>),
