@@ -142,7 +142,9 @@ impl Sizes {
             let places = pattern.starts[row]..pattern.starts[row + 1];
             let terms = pattern.row(row).iter().zip(&entries[places]);
             let terms = terms.map(|(&column, a)| a.abs() * variables[column as usize]);
-            Self::reached(size, terms.fold(0.0, f64::max))
+            // Of several rows with the same quantities one may be far smaller than the others.
+            let own = log(terms.fold(0.0, f64::max)).map(|log| power(log, ONE));
+            own.filter(|own| size > 1.0 && *own < size).unwrap_or(size)
         };
         self.rows.iter().enumerate().map(of_row).collect()
     }
