@@ -1,7 +1,8 @@
 //! Optimal control: a system with a task becomes a program, and its solution a trajectory.
 //!
 //! 1. The complementarity system is discretized ([`crate::lowering::discretize`]) and compiled.
-//! 2. It is solved from one or several starts: relaxation, polish, certificate ([`nsd_solver::optimization::mpcc`]).
+//! 2. It is solved from one or several starts: relaxation, polish, certificate ([`nsd_solver::optimization::mpcc`]), over
+//!    many intervals on coarser grids first (`nested.rs`).
 //! 3. The best solution is a trajectory (`record.rs`) of a system that has nothing left to decide (`solved.rs`).
 //! 4. Where switches are read nonlinearly, it is brought into the sliding modes of the model (`branches.rs`).
 //! 5. Free quantities are changed and simulated from event to event (`reduced.rs`): where there is descent
@@ -18,6 +19,7 @@ mod failure;
 mod grid;
 mod iterate;
 mod moved;
+mod nested;
 mod prepared;
 mod problem;
 pub(crate) mod progress;
@@ -35,8 +37,8 @@ use crate::lowering::mpcc::Mpcc;
 use crate::project::clock::Instant;
 use crate::project::watch::{Counted, Watch};
 use crate::report::{
-    Certificate, Confirmation, Failure, FoundBy, Kind, Method, Optimum, Seconds, Stationarity,
-    Stats, Status, Trajectory, Warning, Way,
+    Certificate, Confirmation, Failure, Kind, Method, Optimum, Seconds, Stationarity, Stats,
+    Status, Trajectory, Warning,
 };
 use crate::simulate::{self, Request};
 use crate::system::System;
@@ -107,7 +109,11 @@ fn run_from<'e>(
 ) -> Result<Option<Solved<'e>>, DiscretizeError> {
     let started = Instant::now();
     let mut problem = Problem::new(system, settings, task, Given::Numbers)?;
-    let begin = problem.begin(start, &request.limit);
+    let limit = &request.limit;
+    let begin = match start {
+        Start::Task(sampled) => nested::begin(&problem, sampled, limit, watch),
+        start => problem.begin(start, limit),
+    };
     Ok(begin.map(|begin| problem.outcome(begin, started, watch)))
 }
 
@@ -163,11 +169,10 @@ impl<'e> Problem<'e> {
             true => branches::settle(self, &mut solution, options, limit, watch),
             false => None,
         };
-        let first = FoundBy {
-            way: Way::Relaxation,
-            objective: solution.objective,
-        };
-        let (mut grids, mut ways) = (Vec::new(), vec![first]);
+        let mut before = begin.before.clone();
+        before.push(&solution);
+        solution.stats.iterations = before.iterations;
+        let (mut grids, mut ways) = (Vec::new(), before.ways);
         let (confirmation, elsewhere) = match solution.is_feasible() && in_other_mode.is_none() {
             true => grid::confirm(self, &mut solution, options, (&mut grids, &mut ways), watch),
             false => (Confirmation::None, None),

@@ -13,6 +13,7 @@ use nsd_solver::optimization::mpcc::{
 };
 use nsd_solver::optimization::problem::Nlp;
 
+use super::nested::Before;
 use super::{Point, Problem, Progress, Sampled};
 use crate::expr::Var;
 use crate::limit::Limit;
@@ -48,6 +49,7 @@ pub(crate) struct Begin {
     pub is_solved_before: bool,
     /// Where there are several starts around that point.
     pub starts: Option<Starts>,
+    pub before: Before,
 }
 
 impl Problem<'_> {
@@ -64,6 +66,7 @@ impl Problem<'_> {
                     options,
                     is_solved_before: false,
                     starts,
+                    before: Before::default(),
                 });
             }
             Start::Point(point) => self.lifted(point)?,
@@ -79,6 +82,7 @@ impl Problem<'_> {
             options,
             is_solved_before,
             starts: None,
+            before: Before::default(),
         })
     }
 
@@ -126,7 +130,12 @@ fn is_decided(system: &System, var: Var) -> bool {
 }
 
 /// How a task is solved from one or several starts.
-fn options(problem: &Problem, reference: bool, starts: Option<Starts>, limit: &Limit) -> Options {
+pub(super) fn options(
+    problem: &Problem,
+    reference: bool,
+    starts: Option<Starts>,
+    limit: &Limit,
+) -> Options {
     let chosen = &problem.task.options;
     let form = Form {
         relaxation: chosen.relaxation,
