@@ -46,6 +46,9 @@ const FOLLOWS: f64 = 0.01;
 /// Members below this share of what they have been are not looked at so closely.
 const NEGLIGIBLE_MEMBER: f64 = 1e-6;
 
+/// Members that are negative by this share of what they have been, or change by in an element, are missed.
+const MISSED: f64 = 1e-6;
+
 /// Halvings of an element in which a member is negative from the start although it must rise.
 const MAX_HALVINGS: usize = 30;
 
@@ -180,15 +183,14 @@ impl March {
                         // Found nothing in a part of the element only: the whole is too long.
                         return Err(Status::Unsolved);
                     }
+                    self.measure_members(modes, run)?;
                     self.keep(modes, run, at);
                     return Ok(None);
                 }
                 Verdict::Leaves { sigma, member } if sigma <= AT_ONCE => {
                     // The switch is where the element starts: no member is negative in what is left of it.
-                    let least = run.record.least_member;
                     self.keep(modes, run, at);
                     self.solved[at].h = 0.0;
-                    run.record.least_member = least;
                     run.lengths.last = 0.0;
                     return Ok(Some(member));
                 }
@@ -206,6 +208,7 @@ impl March {
                     let length = length.map_err(|_| Status::Unsolved)?;
                     run.lengths.last = length;
                     self.evaluate(modes, run, at)?;
+                    self.measure_members(modes, run)?;
                     self.keep(modes, run, at);
                     return Ok(Some(member));
                 }
@@ -247,6 +250,7 @@ impl March {
                         .map_err(unsolved)?;
                 }
                 self.evaluate(modes, run, at)?;
+                self.measure_members(modes, run)?;
                 self.keep(modes, run, at);
             }
             let last = self.solved[count - 1].h;
@@ -284,7 +288,6 @@ impl March {
 
     /// Takes over the element that the mode has solved, and `values` evaluated.
     fn keep(&mut self, modes: &mut Modes, run: &mut Run, at: usize) {
-        self.measure_members(modes, run);
         let mode = &mut modes.all[run.place.mode];
         let (element, solved) = (&mode.element, &mut self.solved[at]);
         solved.h = element.stages.h;
@@ -327,16 +330,29 @@ impl March {
         last.h = (end - last.t) - last.t_low;
     }
 
-    /// Takes note of how far below zero members are in the element just evaluated.
-    fn measure_members(&self, modes: &Modes, run: &mut Run) {
-        for (member, size) in run.entry.sizes.iter().enumerate() {
-            for &value in self.values.of(&modes.scheme, member) {
-                if value < 0.0 {
-                    let least = &mut run.record.least_member;
-                    *least = least.min(value / size.max(BAND));
-                }
+    /// Takes note of how far below zero members are in the element just evaluated. One that is far below is on the wrong
+    /// side of its surface.
+    fn measure_members(&self, modes: &Modes, run: &mut Run) -> Result<(), Status> {
+        let Element {
+            reduced, stages, ..
+        } = &modes.all[run.place.mode].element;
+        let change = run.entry.rate_scale * stages.h;
+        for (member, &size) in run.entry.sizes.iter().enumerate() {
+            let values = self.values.of(&modes.scheme, member).iter();
+            let value = values.fold(0.0_f64, |least, value| least.min(*value));
+            let least = &mut run.record.least_member;
+            let share = value / size.max(change).max(BAND);
+            *least = least.min(share);
+            if share < -MISSED {
+                let watched = reduced.watched.get(member);
+                let of_pair = watched.map(|watched| &modes.system.switches_of[watched.pair]);
+                let switch = of_pair.and_then(|switches| switches.first());
+                return Err(
+                    switch.map_or(Status::Unsolved, |&switch| Status::MissedSwitch { switch })
+                );
             }
         }
+        Ok(())
     }
 
     /// How the members start in an element that follows on one of length `h` in the same mode: one that

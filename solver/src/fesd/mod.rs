@@ -112,7 +112,7 @@ pub struct Solution {
     pub added_elements: usize,
     /// How active sets were found.
     pub rungs: Rungs,
-    /// Least member at a node, relative to the size of its pair: zero or rounding.
+    /// Least member at a node, relative to the size of its pair or its change in an element: zero or rounding.
     pub least_member: f64,
 }
 
@@ -409,7 +409,9 @@ impl<'s> Simulator<'s> {
             let (march, modes) = (&mut self.march, &mut self.modes);
             let event = match march.element(modes, run, 0, length) {
                 Ok(event) => event,
-                Err(Status::Unsolved | Status::NotFinite) if length > SHORTEST * horizon => {
+                Err(Status::Unsolved | Status::NotFinite | Status::MissedSwitch { .. })
+                    if length > SHORTEST * horizon =>
+                {
                     (run.lengths.last, run.record.least_member) = (0.0, least_member);
                     h = 0.25 * length;
                     continue;

@@ -11,7 +11,7 @@
 
 use std::f64::consts::TAU;
 
-use super::independent::{MAX_OPEN, rate_scale};
+use super::independent::{MAX_OPEN, comparable, rate_scale};
 use crate::fesd::element::blocks::Blocks;
 use crate::fesd::system::evaluator::Evaluator;
 use crate::fesd::system::{ComplementaritySystem, Full, Member, Zero};
@@ -124,7 +124,7 @@ impl Directional {
         };
         let has_several = found.len() > 1;
         let mut sizes = vec![0.0_f64; if has_several { self.n } else { 0 }];
-        for (_, u) in found.iter().filter(|_| has_several) {
+        for (_, u) in comparable(system, &found).filter(|_| has_several) {
             for (size, rate) in sizes.iter_mut().zip(self.rates(system, u)) {
                 *size = size.max(rate.abs());
             }

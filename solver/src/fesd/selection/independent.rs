@@ -12,6 +12,9 @@ use crate::fesd::system::{ComplementaritySystem, Zero};
 /// Pairs of one group of which all choices are tried.
 pub(crate) const MAX_OPEN: usize = 8;
 
+/// Weights are at least zero, and below this far from it.
+const FAR: f64 = -1.0;
+
 /// Solutions of the whole that are looked at.
 const MOST: usize = 1 << MAX_OPEN;
 
@@ -79,11 +82,30 @@ impl Directional {
 
 /// The largest rate of what is continuous in some solutions.
 pub(crate) fn rate_scale(system: &ComplementaritySystem, found: &[Solved]) -> f64 {
-    let rates = found.iter().flat_map(|(_, u)| {
+    let rates = comparable(system, found).flat_map(|(_, u)| {
         let continuous = u.iter().enumerate();
         continuous.filter(|(i, _)| system.is_continuous(*i))
     });
     rates.fold(f64::MIN_POSITIVE, |scale, (_, rate)| scale.max(rate.abs()))
+}
+
+/// Those of some solutions whose rates others are compared with. A weight far below zero holds a surface on which sides
+/// have nearly the same rate, and the rates that it gives have any size.
+pub(crate) fn comparable<'f>(
+    system: &ComplementaritySystem,
+    found: &'f [Solved],
+) -> impl Iterator<Item = &'f Solved> + Clone {
+    let is_far = |(zeros, u): &&Solved| {
+        let mut pairs = system.pairs.iter().zip(zeros);
+        pairs.any(|(pair, &zero)| {
+            let (_, member) = pair.split(zero);
+            !system.is_continuous(member.variable) && member.value(u) < FAR
+        })
+    };
+    let has_near = !found.iter().all(|solved| is_far(&solved));
+    found
+        .iter()
+        .filter(move |solved| !(has_near && is_far(solved)))
 }
 
 /// The open pairs, those together that rows of the directional form connect.
