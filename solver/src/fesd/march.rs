@@ -183,7 +183,7 @@ impl March {
                         // Found nothing in a part of the element only: the whole is too long.
                         return Err(Status::Unsolved);
                     }
-                    self.measure_members(modes, run)?;
+                    Self::note_least(modes, run, self.least_member(modes, run))?;
                     self.keep(modes, run, at);
                     return Ok(None);
                 }
@@ -208,7 +208,7 @@ impl March {
                     let length = length.map_err(|_| Status::Unsolved)?;
                     run.lengths.last = length;
                     self.evaluate(modes, run, at)?;
-                    self.measure_members(modes, run)?;
+                    Self::note_least(modes, run, self.least_member(modes, run))?;
                     self.keep(modes, run, at);
                     return Ok(Some(member));
                 }
@@ -232,7 +232,9 @@ impl March {
     ) -> Result<(), Status> {
         let unsolved = |_: Unsolved| Status::Unsolved;
         let end = (member, BAND * run.entry.sizes[member]);
+        let mut least = (0.0, 0);
         for _ in 0..MAX_ROUNDS {
+            least = (0.0, 0);
             for at in 0..count {
                 self.place(run, at);
                 let Solved { t, ref x, .. } = self.solved[at];
@@ -250,17 +252,20 @@ impl March {
                         .map_err(unsolved)?;
                 }
                 self.evaluate(modes, run, at)?;
-                self.measure_members(modes, run)?;
+                let found = self.least_member(modes, run);
+                if found.0 < least.0 {
+                    least = found;
+                }
                 self.keep(modes, run, at);
             }
             let last = self.solved[count - 1].h;
             run.lengths.last = last;
             if (last - h).abs() <= EQUAL * h || count == 1 {
-                return Ok(());
+                break;
             }
             h += (last - h) / count as f64;
         }
-        Ok(())
+        Self::note_least(modes, run, least)
     }
 
     /// Where element `at` since the last report starts.
@@ -307,8 +312,8 @@ impl March {
             .values
             .evaluate(&modes.scheme, &mode.element, &mut mode.hidden);
         evaluated.map_err(|_| Status::Unsolved)?;
-        // No comparison with what is not a number finds a root.
-        if self.values.at_points.iter().any(|value| value.is_nan()) {
+        // No polynomial through what is not finite has a root.
+        if !self.values.at_points.iter().all(|value| value.is_finite()) {
             return Err(Status::NotFinite);
         }
         let reduced = &mode.element.reduced;
@@ -330,28 +335,36 @@ impl March {
         last.h = (end - last.t) - last.t_low;
     }
 
-    /// Takes note of how far below zero members are in the element just evaluated. One that is far below is on the wrong
-    /// side of its surface.
-    fn measure_members(&self, modes: &Modes, run: &mut Run) -> Result<(), Status> {
-        let Element {
-            reduced, stages, ..
-        } = &modes.all[run.place.mode].element;
-        let change = run.entry.rate_scale * stages.h;
-        for (member, &size) in run.entry.sizes.iter().enumerate() {
-            let values = self.values.of(&modes.scheme, member).iter();
-            let value = values.fold(0.0_f64, |least, value| least.min(*value));
-            let least = &mut run.record.least_member;
-            let share = value / size.max(change).max(BAND);
-            *least = least.min(share);
-            if share < -MISSED {
-                let watched = reduced.watched.get(member);
-                let of_pair = watched.map(|watched| &modes.system.switches_of[watched.pair]);
-                let switch = of_pair.and_then(|switches| switches.first());
-                return Err(
-                    switch.map_or(Status::Unsolved, |&switch| Status::MissedSwitch { switch })
-                );
+    /// The member that is farthest below zero in the element just evaluated, and by which share of its size.
+    fn least_member(&self, modes: &Modes, run: &Run) -> (f64, usize) {
+        let change = run.entry.rate_scale * modes.all[run.place.mode].element.stages.h;
+        let mut least = (0.0, 0);
+        for (member, size) in run.entry.sizes.iter().enumerate() {
+            let size = size.max(change).max(BAND);
+            for value in self.values.of(&modes.scheme, member) {
+                if *value < least.0 * size {
+                    least = (value / size, member);
+                }
             }
         }
+        least
+    }
+
+    /// Takes note of the least member of elements that are solved. One that is far below zero is on the wrong side of its
+    /// surface.
+    fn note_least(
+        modes: &Modes,
+        run: &mut Run,
+        (least, member): (f64, usize),
+    ) -> Result<(), Status> {
+        if least < -MISSED {
+            let reduced = &modes.all[run.place.mode].element.reduced;
+            let watched = reduced.watched.get(member);
+            let switches = watched.map(|watched| &modes.system.switches_of[watched.pair]);
+            let switch = switches.and_then(|switches| switches.first());
+            return Err(switch.map_or(Status::Unsolved, |&switch| Status::MissedSwitch { switch }));
+        }
+        run.record.least_member = run.record.least_member.min(least);
         Ok(())
     }
 
