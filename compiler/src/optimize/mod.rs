@@ -27,6 +27,8 @@ pub(crate) mod receding;
 mod record;
 pub(crate) mod start;
 
+use std::time::Duration;
+
 use nsd_solver::optimization::mpcc;
 use nsd_solver::optimization::mpcc::{MultiStart, Solution};
 use nsd_solver::optimization::problem::Nlp;
@@ -153,7 +155,8 @@ pub fn program<'e>(
 impl<'e> Problem<'e> {
     /// What is found from a start that has been made ready since an instant, with what simulations say of it.
     fn outcome(&mut self, begin: Begin, started: Instant, watch: &mut dyn Watch) -> Solved<'e> {
-        let built = started.elapsed();
+        let solved = Duration::from_secs_f64(begin.before.seconds);
+        let built = started.elapsed().saturating_sub(solved);
         let analyzed = self.analyses.made();
         let watch: &mut dyn Watch = &mut Counted::new(watch);
         let Begin { options, .. } = &begin;

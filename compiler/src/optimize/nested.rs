@@ -1,7 +1,9 @@
 //! Long horizons by nested iteration (Hackbusch 1985, *Multi-Grid Methods and Applications*, chapter 5).
 //!
-//! A relaxation takes more iterations the more intervals there are, a branch does not. So what happens when is found with
-//! few intervals, and the solution begins the program of finer ones, in its branch.
+//! A relaxation takes more iterations the more intervals there are, a branch hardly does. So what happens when is found
+//! with few intervals, and the solution begins the program of all of them, in its branch.
+
+use std::ops::RangeInclusive;
 
 use super::problem::Given;
 use super::start::{Begin, Start};
@@ -13,24 +15,25 @@ use crate::report::{FoundBy, Way};
 use crate::system::experiment::Lengths;
 use nsd_solver::optimization::mpcc::{Options, Solution, Trust};
 
-/// Programs with more intervals begin with fewer.
-const LONG: usize = 128;
-/// How many intervals of a grid are one of the next coarser grid.
-const PARTS: [usize; 4] = [2, 3, 5, 7];
+/// How many intervals the first grid has: fewer may be too coarse, and with no more a program is solved by itself.
+const COARSE: RangeInclusive<usize> = 32..=128;
 
 /// What leads to the point to start from.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Before {
-    /// Grid by grid, the coarsest first.
+    /// What they are found by, the first one first.
     pub ways: Vec<FoundBy>,
     /// Iterations in all.
     pub iterations: usize,
+    /// Seconds in all.
+    pub seconds: f64,
 }
 
 impl Before {
     /// Adds what was found from there.
     pub fn push(&mut self, solution: &Solution) {
         self.iterations += solution.stats.iterations;
+        self.seconds += solution.stats.seconds;
         self.ways.push(FoundBy {
             way: match self.ways.is_empty() {
                 true => Way::Relaxation,
@@ -54,19 +57,20 @@ pub(super) fn begin(
     }
 }
 
-/// How many intervals the next coarser grid has; none where there is none.
+/// How many intervals the first grid has; none where there is no such grid.
 fn intervals(problem: &Problem) -> Option<usize> {
     let grid = &problem.task.discretization;
     // What contacts give at the ends of parts would be no part of a solution, and numerical time has other parts.
     let is_split = problem.frozen.is_none() && problem.layout.boundaries.is_none();
     let is_alone = problem.task.starts.is_none();
-    if grid.intervals <= LONG || grid.lengths != Lengths::Equal || !is_split || !is_alone {
+    let [least, most] = [*COARSE.start(), *COARSE.end()];
+    if grid.intervals <= most || grid.lengths != Lengths::Equal || !is_split || !is_alone {
         return None;
     }
+    let mut finest = (least..=most).rev();
+    let n = finest.find(|n| grid.intervals.is_multiple_of(*n))?;
     let horizon = problem.settings.horizon;
     let range = problem.task.horizon.unwrap_or((horizon, horizon));
-    let mut coarser = PARTS.iter().filter(|&parts| grid.intervals % parts == 0);
-    let n = grid.intervals / coarser.next()?;
     let bends = |table| inside(table, range, n).is_some();
     let is_bent = (problem.dcs.data.iter()).any(|data| bends(&data.table));
     (!is_bent).then_some(n)
@@ -84,7 +88,7 @@ fn from(
     task.discretization.intervals = n;
     let (system, settings) = (&problem.system, &problem.settings);
     let mut coarse = Problem::new(system, settings, &task, Given::Numbers).ok()?;
-    let begin = begin(&coarse, sampled, limit, watch)?;
+    let begin = coarse.begin(Start::Task(sampled), limit)?;
     let found = start::solve(&mut coarse, &begin, watch);
     let mut solution = found.solutions.into_iter().next()?;
     if !solution.is_feasible() {
@@ -98,13 +102,15 @@ fn from(
     }
     let point = coarse.point(&solution.w);
     let point = point.in_parts(&coarse.layout, &problem.layout);
-    let mut before = begin.before;
+    let mut before = Before::default();
     before.push(&solution);
     Some(Begin {
         guess: problem.lifted(&point)?,
         options: Options {
             trust: Trust::First,
+            // Other ways are those of the first grid.
             effort: 0,
+            patience: 0,
             ..start::options(problem, true, None, limit)
         },
         is_solved_before: false,

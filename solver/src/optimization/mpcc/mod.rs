@@ -419,7 +419,7 @@ impl Work<'_> {
         best: &Polished,
         certificate: &Certificate,
     ) -> Elsewhere {
-        if self.stats.moves >= MAX_MOVES {
+        if self.stats.moves >= MAX_MOVES || self.options.patience == 0 {
             return Elsewhere::Nothing(0);
         }
         let size = best.objective.abs().max(1.0);

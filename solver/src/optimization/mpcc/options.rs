@@ -71,7 +71,8 @@ pub struct Options {
     /// Other ways are tried for a smaller objective, too, as long as the iterations so far, times the numbers of
     /// variables and rows, are fewer than this. With zero, a feasible branch of a trusted start is enough.
     pub effort: usize,
-    /// As long as they are fewer than this, counted likewise, a feasible point that is not stationary is not enough.
+    /// As long as they are fewer than this, counted likewise, a feasible point that is not stationary is not enough. With
+    /// zero, its branch is not left for one in which another point means the same, either.
     pub patience: usize,
     /// How many iterations it may take.
     pub iterations: Iterations,
