@@ -59,6 +59,7 @@ mod moreau;
 mod moreau_space;
 mod mpcc;
 mod narrow;
+mod nested;
 mod nl;
 mod one_sided;
 mod open_parameters;

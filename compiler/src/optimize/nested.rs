@@ -67,13 +67,14 @@ fn intervals(problem: &Problem) -> Option<usize> {
     if grid.intervals <= most || grid.lengths != Lengths::Equal || !is_split || !is_alone {
         return None;
     }
-    let mut finest = (least..=most).rev();
-    let n = finest.find(|n| grid.intervals.is_multiple_of(*n))?;
     let horizon = problem.settings.horizon;
     let range = problem.task.horizon.unwrap_or((horizon, horizon));
-    let bends = |table| inside(table, range, n).is_some();
-    let is_bent = (problem.dcs.data.iter()).any(|data| bends(&data.table));
-    (!is_bent).then_some(n)
+    let bends = |n: usize| {
+        let mut tables = problem.dcs.data.iter().map(|data| &data.table);
+        tables.any(|table| inside(table, range, n).is_some())
+    };
+    let mut finest = (least..=most).rev();
+    finest.find(|&n| grid.intervals.is_multiple_of(n) && !bends(n))
 }
 
 /// The solution with `n` intervals as a start, in its branch.

@@ -468,7 +468,10 @@ impl Work<'_> {
         }
     }
 
-    fn feasible(&self, lifted: &mut Lifted<'_>, candidate: Candidate) -> Solution {
+    fn feasible(&self, lifted: &mut Lifted<'_>, mut candidate: Candidate) -> Solution {
+        if !candidate.best.is_accurate() {
+            candidate.certificate.class = Class::None;
+        }
         let status = candidate.status();
         let Candidate {
             best,

@@ -1,8 +1,9 @@
 //! How large the quantities of a program are.
 //!
 //! A quantity is what several variables are values of: a state at all nodes. Its size d is known from bounds, values that
-//! are given, and guesses; and the entries of a row are of one size, as a sum of them is zero: |a_ij| d_j ≈ r_i. Logarithms
-//! of all sizes are the least-squares solution of these equations (Curtis and Reid 1972). They follow a change of units.
+//! are given, and guesses; and the entries of a row are of one size, as a sum of them is zero: |a_ij| d_j ≈ r_i, and of N
+//! rows with differences of a quantity, as a state has from node to node, |a_ij| d_j ≈ N r_i. Logarithms of all sizes are
+//! the least-squares solution of these equations (Curtis and Reid 1972). They follow a change of units.
 
 use std::collections::BTreeMap;
 
@@ -18,7 +19,7 @@ const PREFIX: f64 = 10.0;
 const ONE: [f64; 2] = [-11.0, 9.0];
 const ONE_UNKNOWN: [f64; 2] = [-11.0, 12.0];
 const ONE_OBJECTIVE: [f64; 2] = [-5.0, 25.0];
-/// An objective that is smaller than it was taken for by more prefixes is zero.
+/// An objective that is smaller than it was taken for, and its quantities are, by more prefixes is zero.
 const MOST_PREFIXES: f64 = 4.0;
 /// How many points of the sizes found so far show the derivatives that vanish at the start.
 const POINTS: usize = 5;
@@ -31,6 +32,8 @@ const KNOWN: f64 = 2.0;
 const UNKNOWN: f64 = 1e-6;
 /// Logarithms to base 2 beyond this are none.
 const LARGEST: f64 = 200.0;
+/// Sums below this share of their terms are zero.
+const CANCELS: f64 = 1e-9;
 /// Numbers that are given with logarithms below this are roundings of zero.
 const ROUNDING: f64 = -45.0;
 
@@ -60,6 +63,51 @@ struct Slopes {
     largest: f64,
     logs: f64,
     count: f64,
+    /// How many differences add up to the change of a quantity of which rows have differences.
+    parts: f64,
+}
+
+/// Rows that have differences of a quantity: those that begin one after the other add up to all of its change.
+struct Differences {
+    /// The sum of the entries of a row, that of their magnitudes and the first column, by quantity.
+    sums: Vec<(f64, f64, usize)>,
+    /// The first column of the last difference, and how many of them there are, by class and quantity.
+    chains: BTreeMap<(usize, usize), (usize, f64)>,
+}
+
+impl Differences {
+    fn new(n: usize) -> Self {
+        Differences {
+            sums: vec![(0.0, 0.0, 0); n],
+            chains: BTreeMap::new(),
+        }
+    }
+
+    /// Takes the entries of the next row.
+    fn row<'a>(
+        &mut self,
+        class: usize,
+        quantities: &[usize],
+        entries: impl Iterator<Item = (usize, &'a f64)> + Clone,
+    ) {
+        for (column, entry) in entries.clone() {
+            let (net, all, first) = &mut self.sums[quantities[column]];
+            if *all == 0.0 {
+                *first = column;
+            }
+            (*net, *all) = (*net + entry, *all + entry.abs());
+        }
+        for (column, _) in entries {
+            let quantity = quantities[column];
+            let (net, all, first) = std::mem::take(&mut self.sums[quantity]);
+            if all > 0.0 && net.abs() <= CANCELS * all {
+                let (last, parts) = self.chains.entry((class, quantity)).or_default();
+                if *parts == 0.0 || *last != first {
+                    (*last, *parts) = (first, *parts + 1.0);
+                }
+            }
+        }
+    }
 }
 
 /// The logarithms of sizes of quantities and of rows that have the same quantities.
@@ -103,7 +151,7 @@ impl Sizes {
     pub fn at(&self, problem: &mut dyn Mpcc, w: &[f64]) -> Option<Sizes> {
         let variables = self.variables_at(problem, w);
         let rows = self.rows_at(problem, w, &variables);
-        let objective = self.objective_at(problem, w);
+        let objective = self.objective_at(problem, w, &variables);
         let reached = Sizes {
             quantities: self.quantities.clone(),
             variables,
@@ -149,7 +197,7 @@ impl Sizes {
         self.rows.iter().enumerate().map(of_row).collect()
     }
 
-    fn objective_at(&self, problem: &mut dyn Mpcc, w: &[f64]) -> f64 {
+    fn objective_at(&self, problem: &mut dyn Mpcc, w: &[f64], variables: &[f64]) -> f64 {
         let mut gradient = vec![0.0; w.len()];
         problem.gradient(w, &mut gradient);
         let terms = gradient.iter().zip(w).map(|(slope, w)| (slope * w).abs());
@@ -157,8 +205,11 @@ impl Sizes {
             return self.objective;
         };
         let fall = self.objective.log2() - log;
-        let is_smaller =
-            self.objective != 1.0 && (0.5 * PREFIX..MOST_PREFIXES * PREFIX).contains(&fall);
+        let smaller = self.variables.iter().zip(variables);
+        let smaller = smaller.map(|(size, reached)| (size / reached).log2());
+        // Products of two quantities fall with both.
+        let most = MOST_PREFIXES * PREFIX + 2.0 * smaller.fold(0.0, f64::max);
+        let is_smaller = self.objective != 1.0 && (0.5 * PREFIX..most).contains(&fall);
         match is_smaller {
             true => power(log, ONE_OBJECTIVE),
             false => self.objective,
@@ -260,22 +311,29 @@ impl<'n> Balance<'n> {
         for (column, &slope) in gradient.iter().enumerate() {
             keep(*self.classes.last().expect("the objective"), column, slope);
         }
+        let mut differences = Differences::new(self.sizes.len());
         for (row, value) in values.into_iter().enumerate() {
             let places = pattern.starts[row]..pattern.starts[row + 1];
             let mut constant = value - nearest(bounds.lower[row], bounds.upper[row]);
             let mut sum = constant.abs();
-            for (&column, &entry) in pattern.row(row).iter().zip(&entries[places]) {
-                let column = column as usize;
+            let columns = pattern.row(row).iter().map(|&column| column as usize);
+            let columns = columns.zip(&entries[places]);
+            differences.row(self.classes[row], self.quantities, columns.clone());
+            for (column, &entry) in columns {
                 keep(self.classes[row], column, entry);
                 let term = entry * (w[column] - self.offsets[column]);
                 constant -= term;
                 sum = sum.max(term.abs());
             }
             // What rounding leaves is none.
-            if constant.abs() > 1e-9 * sum && constant.is_finite() {
+            if constant.abs() > CANCELS * sum && constant.is_finite() {
                 let largest = self.constants.entry(self.classes[row]).or_default();
                 *largest = largest.max(constant.abs());
             }
+        }
+        for (place, (_, parts)) in differences.chains {
+            let slopes = self.entries.entry(place).or_default();
+            slopes.parts = slopes.parts.max(parts);
         }
     }
 
@@ -284,7 +342,8 @@ impl<'n> Balance<'n> {
         // The objective is no sum that is zero.
         let of_rows = self.rows.len() - 1;
         let entries = self.entries.iter().filter_map(|(&(row, quantity), a)| {
-            let log = log((a.logs / a.count).exp2()).filter(|_| row < of_rows)?;
+            let mean = (a.logs / a.count).exp2() / a.parts.max(1.0);
+            let log = log(mean).filter(|_| row < of_rows)?;
             Some(Entry { row, quantity, log })
         });
         let entries: Vec<Entry> = entries.collect();

@@ -70,6 +70,9 @@ pub(crate) struct Form<'a> {
 pub(crate) const NONE: u32 = u32::MAX;
 /// Rows whose variables are fixed hold when they miss their bounds by no more, relative to their size.
 const EMPTY: f64 = 1e-9;
+/// Bounds of this size and more are relaxed alike, as long as rounding allows it.
+const MOST_RELAXED: f64 = 10.0;
+const ROUNDINGS: f64 = 1e-6;
 
 /// What a row or variable is by its bounds.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -88,6 +91,13 @@ fn kind(bounds: &Bounds<'_>, i: usize) -> Kind {
     } else {
         Kind::Bounded
     }
+}
+
+/// What a bound of such a size moves by, in units of the relaxation: rows are as accurate as what moves in them, so that it is
+/// little more than 1, and more than rounding. Infinite bounds stay; 0 · ∞ is no number.
+fn relaxed(size: f64) -> f64 {
+    size.clamp(1.0, MOST_RELAXED)
+        .max(ROUNDINGS * size.min(f64::MAX))
 }
 
 impl<'a> Form<'a> {
@@ -217,9 +227,8 @@ impl<'a> Form<'a> {
         }
         let nv = self.shape.own();
         for (low, high) in lower.iter_mut().zip(upper).take(nv) {
-            // Infinite bounds stay; 0 · ∞ is no number.
-            *low -= relaxation * low.abs().clamp(1.0, f64::MAX);
-            *high += relaxation * high.abs().clamp(1.0, f64::MAX);
+            *low -= relaxation * relaxed(low.abs());
+            *high += relaxation * relaxed(high.abs());
         }
     }
 

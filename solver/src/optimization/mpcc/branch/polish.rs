@@ -38,6 +38,19 @@ pub struct Polished {
     pub falling: Option<Vec<f64>>,
 }
 
+/// Rows and bounds of a solution are missed by no more, or by this share of the largest variable.
+const ACCURATE: f64 = 1e-8;
+const ROUNDINGS: f64 = 1e-14;
+
+impl Polished {
+    /// Whether rows and bounds are missed by little more than rounding: what a feasible point may miss them by is no small
+    /// part of the steps of many elements.
+    pub fn is_accurate(&self) -> bool {
+        let largest = self.point.w.iter().fold(0.0_f64, |m, w| m.max(w.abs()));
+        self.residuals.violation <= ACCURATE.max(ROUNDINGS * largest)
+    }
+}
+
 /// μ and the largest number of iterations of a run that starts from the point of a relaxation, and of one that starts
 /// anew if that has not come to its end.
 const RUNS: [(f64, usize); 2] = [(1e-5, 100), (1e-1, 300)];
