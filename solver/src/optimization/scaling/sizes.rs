@@ -1,8 +1,8 @@
 //! How large the quantities of a program are.
 //!
 //! A quantity is what several variables are values of: a state at all nodes. Its size d is known from bounds, values that
-//! are given, and guesses; and the entries of a row are of one size, as a sum of them is zero: |a_ij| d_j ≈ r_i, and of N
-//! rows with differences of a quantity, as a state has from node to node, |a_ij| d_j ≈ N r_i. Logarithms of all sizes are
+//! are given, and guesses; and the entries of a row are of one size, as a sum of them is zero: Σ|a_ij| d_j ≈ r_i, and of N
+//! rows with differences of a quantity, as a state has from node to node, Σ|a_ij| d_j ≈ N r_i. Logarithms of all sizes are
 //! the least-squares solution of these equations (Curtis and Reid 1972). They follow a change of units.
 
 use std::collections::BTreeMap;
@@ -57,7 +57,7 @@ struct Entry {
     log: f64,
 }
 
-/// The largest of several |a|, the sum of their logarithms, and how many there are.
+/// The largest of several |a|, the sum of the logarithms of Σ|a| in each row, and how many rows there are.
 #[derive(Clone, Copy, Default)]
 struct Slopes {
     largest: f64,
@@ -67,47 +67,26 @@ struct Slopes {
     parts: f64,
 }
 
-/// Rows that have differences of a quantity: those that begin one after the other add up to all of its change.
-struct Differences {
-    /// The sum of the entries of a row, that of their magnitudes and the first column, by quantity.
-    sums: Vec<(f64, f64, usize)>,
-    /// The first column of the last difference, and how many of them there are, by class and quantity.
-    chains: BTreeMap<(usize, usize), (usize, f64)>,
+impl Slopes {
+    /// Takes the entries of a row by their sum and the largest of them.
+    fn take(&mut self, sum: f64, largest: f64) {
+        if sum > 0.0 && sum.is_finite() {
+            self.largest = self.largest.max(largest);
+            self.logs += sum.log2();
+            self.count += 1.0;
+        }
+    }
 }
 
-impl Differences {
-    fn new(n: usize) -> Self {
-        Differences {
-            sums: vec![(0.0, 0.0, 0); n],
-            chains: BTreeMap::new(),
-        }
-    }
-
-    /// Takes the entries of the next row.
-    fn row<'a>(
-        &mut self,
-        class: usize,
-        quantities: &[usize],
-        entries: impl Iterator<Item = (usize, &'a f64)> + Clone,
-    ) {
-        for (column, entry) in entries.clone() {
-            let (net, all, first) = &mut self.sums[quantities[column]];
-            if *all == 0.0 {
-                *first = column;
-            }
-            (*net, *all) = (*net + entry, *all + entry.abs());
-        }
-        for (column, _) in entries {
-            let quantity = quantities[column];
-            let (net, all, first) = std::mem::take(&mut self.sums[quantity]);
-            if all > 0.0 && net.abs() <= CANCELS * all {
-                let (last, parts) = self.chains.entry((class, quantity)).or_default();
-                if *parts == 0.0 || *last != first {
-                    (*last, *parts) = (first, *parts + 1.0);
-                }
-            }
-        }
-    }
+/// What the entries of a row are to a quantity.
+#[derive(Clone, Copy, Default)]
+struct Sum {
+    net: f64,
+    /// Of magnitudes.
+    all: f64,
+    largest: f64,
+    /// The first column.
+    first: usize,
 }
 
 /// The logarithms of sizes of quantities and of rows that have the same quantities.
@@ -233,6 +212,11 @@ impl Sizes {
             balance.look(&point);
             balance.settle();
         }
+        if balance.ones(None, &at_start.1).is_some() {
+            (balance.entries, balance.constants) = at_start.clone();
+            balance.sizes.fill(0.0);
+            balance.look(&balance.point(0));
+        }
         let objective = objective.or_else(|| balance.objective());
         let ones = balance.ones(objective, &at_start.1);
         ones.unwrap_or_else(|| balance.sizes(objective))
@@ -299,31 +283,49 @@ impl<'n> Balance<'n> {
         self.nlp.rows(w, &mut values);
         let pattern = self.nlp.jacobian_pattern();
         let bounds = self.nlp.row_bounds();
-        let mut keep = |class: usize, column: usize, value: f64| {
-            if value != 0.0 && value.is_finite() {
-                let place = (class, self.quantities[column]);
-                let slopes = self.entries.entry(place).or_default();
-                slopes.largest = slopes.largest.max(value.abs());
-                slopes.logs += value.abs().log2();
-                slopes.count += 1.0;
-            }
-        };
-        for (column, &slope) in gradient.iter().enumerate() {
-            keep(*self.classes.last().expect("the objective"), column, slope);
+        let objective = self.rows.len() - 1;
+        for (column, slope) in gradient.iter().enumerate() {
+            let slopes = self.entries.entry((objective, self.quantities[column]));
+            slopes.or_default().take(slope.abs(), slope.abs());
         }
-        let mut differences = Differences::new(self.sizes.len());
+        let mut sums = vec![Sum::default(); self.sizes.len()];
+        // Rows with differences of a quantity that begin one after the other add up to all of its change.
+        let mut chains: BTreeMap<(usize, usize), (usize, f64)> = BTreeMap::new();
         for (row, value) in values.into_iter().enumerate() {
             let places = pattern.starts[row]..pattern.starts[row + 1];
             let mut constant = value - nearest(bounds.lower[row], bounds.upper[row]);
             let mut sum = constant.abs();
             let columns = pattern.row(row).iter().map(|&column| column as usize);
-            let columns = columns.zip(&entries[places]);
-            differences.row(self.classes[row], self.quantities, columns.clone());
-            for (column, &entry) in columns {
-                keep(self.classes[row], column, entry);
+            for (column, &entry) in columns.clone().zip(&entries[places]) {
                 let term = entry * (w[column] - self.offsets[column]);
                 constant -= term;
                 sum = sum.max(term.abs());
+                let of_quantity = &mut sums[self.quantities[column]];
+                if of_quantity.all == 0.0 {
+                    of_quantity.first = column;
+                }
+                of_quantity.net += entry;
+                of_quantity.all += entry.abs();
+                of_quantity.largest = of_quantity.largest.max(entry.abs());
+            }
+            for column in columns {
+                let place = (self.classes[row], self.quantities[column]);
+                let Sum {
+                    net,
+                    all,
+                    largest,
+                    first,
+                } = std::mem::take(&mut sums[place.1]);
+                if all == 0.0 {
+                    continue;
+                }
+                self.entries.entry(place).or_default().take(all, largest);
+                if net.abs() <= CANCELS * all {
+                    let (last, parts) = chains.entry(place).or_default();
+                    if *parts == 0.0 || *last != first {
+                        (*last, *parts) = (first, *parts + 1.0);
+                    }
+                }
             }
             // What rounding leaves is none.
             if constant.abs() > CANCELS * sum && constant.is_finite() {
@@ -331,7 +333,7 @@ impl<'n> Balance<'n> {
                 *largest = largest.max(constant.abs());
             }
         }
-        for (place, (_, parts)) in differences.chains {
+        for (place, (_, parts)) in chains {
             let slopes = self.entries.entry(place).or_default();
             slopes.parts = slopes.parts.max(parts);
         }
