@@ -432,3 +432,30 @@ fn relays_of_optima_are_on_one_side() {
     }
     assert!(between > 0);
 }
+
+/// Bounces that become smaller and smaller beside switches on the speed, which hold it where both of their sides have nearly
+/// the same rates of the gap: no ball is below its floor, whether a run gets beyond the bounces or says that it does not.
+#[test]
+fn small_bounces_stay_above_the_floor() {
+    for threshold in [-2.0, -1.0, -0.5, 0.5, 1.0] {
+        for restitution in [0.5, 0.7] {
+            for rest in [
+                "output s = sign(v + 2);",
+                "state y = 0; y' = abs(v - 1);",
+                "",
+            ] {
+                let text = format!(
+                    "model m {{ state q = 1; state v = 1; q' = v;
+                       mechanics q, v {{ mass = 1; force = -2*sign(v - {threshold}) - 3; }}
+                       contact ground {{ gap = q; restitution = {restitution}; }} {rest} }}
+                     simulate s of m {{ horizon 2; lower timefreezing; method fesd; }}"
+                );
+                let found = run(&text, "s");
+                let q = &found.samples.states[0].values;
+                let least = q.iter().copied().fold(0.0, f64::min);
+                assert!(least > -1e-8, "{least:e} in\n{text}");
+                assert!(found.quality.certificate.max_violation < 1e-6, "{text}");
+            }
+        }
+    }
+}

@@ -1,8 +1,8 @@
 //! How large the quantities of a program are.
 //!
 //! A quantity is what several variables are values of: a state at all nodes. Its size d is known from bounds, values that
-//! are given, and guesses; and the entries of a row are of one size, as a sum of them is zero: Σ|a_ij| d_j ≈ r_i, and of N
-//! rows with differences of a quantity, as a state has from node to node, Σ|a_ij| d_j ≈ N r_i. Logarithms of all sizes are
+//! are given, and guesses; and the entries of a row are of one size, as a sum of them is zero: |a_ij| d_j ≈ r_i, and of N
+//! rows with differences of a quantity, as a state has from node to node, |a_ij| d_j ≈ N r_i. Logarithms of all sizes are
 //! the least-squares solution of these equations (Curtis and Reid 1972). They follow a change of units.
 
 use std::collections::BTreeMap;
@@ -19,7 +19,7 @@ const PREFIX: f64 = 10.0;
 const ONE: [f64; 2] = [-11.0, 9.0];
 const ONE_UNKNOWN: [f64; 2] = [-11.0, 12.0];
 const ONE_OBJECTIVE: [f64; 2] = [-5.0, 25.0];
-/// An objective that is smaller than it was taken for, and its quantities are, by more prefixes is zero.
+/// An objective below 1 that is smaller than it was taken for, and its quantities are, by more prefixes is zero.
 const MOST_PREFIXES: f64 = 4.0;
 /// How many points of the sizes found so far show the derivatives that vanish at the start.
 const POINTS: usize = 5;
@@ -57,7 +57,7 @@ struct Entry {
     log: f64,
 }
 
-/// The largest of several |a|, the sum of the logarithms of Σ|a| in each row, and how many rows there are.
+/// The largest of several |a|, the sum of their logarithms, and how many there are.
 #[derive(Clone, Copy, Default)]
 struct Slopes {
     largest: f64,
@@ -67,26 +67,47 @@ struct Slopes {
     parts: f64,
 }
 
-impl Slopes {
-    /// Takes the entries of a row by their sum and the largest of them.
-    fn take(&mut self, sum: f64, largest: f64) {
-        if sum > 0.0 && sum.is_finite() {
-            self.largest = self.largest.max(largest);
-            self.logs += sum.log2();
-            self.count += 1.0;
-        }
-    }
+/// Rows that have differences of a quantity: those that begin one after the other add up to all of its change.
+struct Differences {
+    /// The sum of the entries of a row, that of their magnitudes and the first column, by quantity.
+    sums: Vec<(f64, f64, usize)>,
+    /// The first column of the last difference, and how many of them there are, by class and quantity.
+    chains: BTreeMap<(usize, usize), (usize, f64)>,
 }
 
-/// What the entries of a row are to a quantity.
-#[derive(Clone, Copy, Default)]
-struct Sum {
-    net: f64,
-    /// Of magnitudes.
-    all: f64,
-    largest: f64,
-    /// The first column.
-    first: usize,
+impl Differences {
+    fn new(n: usize) -> Self {
+        Differences {
+            sums: vec![(0.0, 0.0, 0); n],
+            chains: BTreeMap::new(),
+        }
+    }
+
+    /// Takes the entries of the next row.
+    fn row<'a>(
+        &mut self,
+        class: usize,
+        quantities: &[usize],
+        entries: impl Iterator<Item = (usize, &'a f64)> + Clone,
+    ) {
+        for (column, entry) in entries.clone() {
+            let (net, all, first) = &mut self.sums[quantities[column]];
+            if *all == 0.0 {
+                *first = column;
+            }
+            (*net, *all) = (*net + entry, *all + entry.abs());
+        }
+        for (column, _) in entries {
+            let quantity = quantities[column];
+            let (net, all, first) = std::mem::take(&mut self.sums[quantity]);
+            if all > 0.0 && net.abs() <= CANCELS * all {
+                let (last, parts) = self.chains.entry((class, quantity)).or_default();
+                if *parts == 0.0 || *last != first {
+                    (*last, *parts) = (first, *parts + 1.0);
+                }
+            }
+        }
+    }
 }
 
 /// The logarithms of sizes of quantities and of rows that have the same quantities.
@@ -180,7 +201,8 @@ impl Sizes {
         let mut gradient = vec![0.0; w.len()];
         problem.gradient(w, &mut gradient);
         let terms = gradient.iter().zip(w).map(|(slope, w)| (slope * w).abs());
-        let Some(log) = log(terms.fold(0.0, f64::max)) else {
+        let (sum, largest) = terms.fold((0.0, 0.0_f64), |(sum, m), term| (sum + term, m.max(term)));
+        let Some(log) = log(largest) else {
             return self.objective;
         };
         let fall = self.objective.log2() - log;
@@ -188,7 +210,8 @@ impl Sizes {
         let smaller = smaller.map(|(size, reached)| (size / reached).log2());
         // Products of two quantities fall with both.
         let most = MOST_PREFIXES * PREFIX + 2.0 * smaller.fold(0.0, f64::max);
-        let is_smaller = self.objective != 1.0 && (0.5 * PREFIX..most).contains(&fall);
+        let is_zero = fall >= most && sum < 1.0;
+        let is_smaller = self.objective != 1.0 && fall >= 0.5 * PREFIX && !is_zero;
         match is_smaller {
             true => power(log, ONE_OBJECTIVE),
             false => self.objective,
@@ -211,11 +234,6 @@ impl Sizes {
             (balance.entries, balance.constants) = at_start.clone();
             balance.look(&point);
             balance.settle();
-        }
-        if balance.ones(None, &at_start.1).is_some() {
-            (balance.entries, balance.constants) = at_start.clone();
-            balance.sizes.fill(0.0);
-            balance.look(&balance.point(0));
         }
         let objective = objective.or_else(|| balance.objective());
         let ones = balance.ones(objective, &at_start.1);
@@ -283,49 +301,31 @@ impl<'n> Balance<'n> {
         self.nlp.rows(w, &mut values);
         let pattern = self.nlp.jacobian_pattern();
         let bounds = self.nlp.row_bounds();
-        let objective = self.rows.len() - 1;
-        for (column, slope) in gradient.iter().enumerate() {
-            let slopes = self.entries.entry((objective, self.quantities[column]));
-            slopes.or_default().take(slope.abs(), slope.abs());
+        let mut keep = |class: usize, column: usize, value: f64| {
+            if value != 0.0 && value.is_finite() {
+                let place = (class, self.quantities[column]);
+                let slopes = self.entries.entry(place).or_default();
+                slopes.largest = slopes.largest.max(value.abs());
+                slopes.logs += value.abs().log2();
+                slopes.count += 1.0;
+            }
+        };
+        for (column, &slope) in gradient.iter().enumerate() {
+            keep(*self.classes.last().expect("the objective"), column, slope);
         }
-        let mut sums = vec![Sum::default(); self.sizes.len()];
-        // Rows with differences of a quantity that begin one after the other add up to all of its change.
-        let mut chains: BTreeMap<(usize, usize), (usize, f64)> = BTreeMap::new();
+        let mut differences = Differences::new(self.sizes.len());
         for (row, value) in values.into_iter().enumerate() {
             let places = pattern.starts[row]..pattern.starts[row + 1];
             let mut constant = value - nearest(bounds.lower[row], bounds.upper[row]);
             let mut sum = constant.abs();
             let columns = pattern.row(row).iter().map(|&column| column as usize);
-            for (column, &entry) in columns.clone().zip(&entries[places]) {
+            let columns = columns.zip(&entries[places]);
+            differences.row(self.classes[row], self.quantities, columns.clone());
+            for (column, &entry) in columns {
+                keep(self.classes[row], column, entry);
                 let term = entry * (w[column] - self.offsets[column]);
                 constant -= term;
                 sum = sum.max(term.abs());
-                let of_quantity = &mut sums[self.quantities[column]];
-                if of_quantity.all == 0.0 {
-                    of_quantity.first = column;
-                }
-                of_quantity.net += entry;
-                of_quantity.all += entry.abs();
-                of_quantity.largest = of_quantity.largest.max(entry.abs());
-            }
-            for column in columns {
-                let place = (self.classes[row], self.quantities[column]);
-                let Sum {
-                    net,
-                    all,
-                    largest,
-                    first,
-                } = std::mem::take(&mut sums[place.1]);
-                if all == 0.0 {
-                    continue;
-                }
-                self.entries.entry(place).or_default().take(all, largest);
-                if net.abs() <= CANCELS * all {
-                    let (last, parts) = chains.entry(place).or_default();
-                    if *parts == 0.0 || *last != first {
-                        (*last, *parts) = (first, *parts + 1.0);
-                    }
-                }
             }
             // What rounding leaves is none.
             if constant.abs() > CANCELS * sum && constant.is_finite() {
@@ -333,7 +333,7 @@ impl<'n> Balance<'n> {
                 *largest = largest.max(constant.abs());
             }
         }
-        for (place, (_, parts)) in chains {
+        for (place, (_, parts)) in differences.chains {
             let slopes = self.entries.entry(place).or_default();
             slopes.parts = slopes.parts.max(parts);
         }
