@@ -1,8 +1,8 @@
 //! Optimal control: a system with a task becomes a program, and its solution a trajectory.
 //!
 //! 1. The complementarity system is discretized ([`crate::lowering::discretize`]) and compiled.
-//! 2. It is solved from one or several starts: relaxation, polish, certificate ([`nsd_solver::optimization::mpcc`]), over
-//!    many intervals on coarser grids first (`nested.rs`).
+//! 2. It is solved from one or several starts: relaxation, polish, certificate ([`nsd_solver::optimization::mpcc`]); where
+//!    intervals are many, with fewer of them first (`nested.rs`).
 //! 3. The best solution is a trajectory (`record.rs`) of a system that has nothing left to decide (`solved.rs`).
 //! 4. Where switches are read nonlinearly, it is brought into the sliding modes of the model (`branches.rs`).
 //! 5. Free quantities are changed and simulated from event to event (`reduced.rs`): where there is descent

@@ -21,7 +21,7 @@ const COARSE: RangeInclusive<usize> = 32..=128;
 /// What leads to the point to start from.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Before {
-    /// What they are found by, the first one first.
+    /// What was found on the way, the first one first.
     pub ways: Vec<FoundBy>,
     /// Iterations in all.
     pub iterations: usize,

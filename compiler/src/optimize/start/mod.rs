@@ -49,6 +49,7 @@ pub(crate) struct Begin {
     pub is_solved_before: bool,
     /// Where there are several starts around that point.
     pub starts: Option<Starts>,
+    /// What has led to that point.
     pub before: Before,
 }
 
