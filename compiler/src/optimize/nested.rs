@@ -15,7 +15,9 @@ use crate::report::{FoundBy, Way};
 use crate::system::experiment::Lengths;
 use nsd_solver::optimization::mpcc::{Options, Solution, Trust};
 
-/// How many intervals the first grid has: fewer may be too coarse, and with no more a program is solved by itself.
+/// Programs with no more intervals are solved by themselves.
+const LONG: usize = 512;
+/// How many intervals the first grid has: fewer may be too coarse.
 const COARSE: RangeInclusive<usize> = 32..=128;
 
 /// What leads to the point to start from.
@@ -30,6 +32,20 @@ pub(crate) struct Before {
 }
 
 impl Before {
+    /// How the program is solved that begins there: in its branch where there is one, as other ways were those of the first
+    /// grid.
+    pub fn options(&self, options: &Options) -> Options {
+        match self.ways.is_empty() {
+            true => options.clone(),
+            false => Options {
+                trust: Trust::First,
+                effort: 0,
+                patience: 0,
+                ..options.clone()
+            },
+        }
+    }
+
     /// Adds what was found from there.
     pub fn push(&mut self, solution: &Solution) {
         self.iterations += solution.stats.iterations;
@@ -63,8 +79,7 @@ fn intervals(problem: &Problem) -> Option<usize> {
     // What contacts give at the ends of parts would be no part of a solution, and numerical time has other parts.
     let is_split = problem.frozen.is_none() && problem.layout.boundaries.is_none();
     let is_alone = problem.task.starts.is_none();
-    let [least, most] = [*COARSE.start(), *COARSE.end()];
-    if grid.intervals <= most || grid.lengths != Lengths::Equal || !is_split || !is_alone {
+    if grid.intervals <= LONG || grid.lengths != Lengths::Equal || !is_split || !is_alone {
         return None;
     }
     let horizon = problem.settings.horizon;
@@ -73,7 +88,7 @@ fn intervals(problem: &Problem) -> Option<usize> {
         let mut tables = problem.dcs.data.iter().map(|data| &data.table);
         tables.any(|table| inside(table, range, n).is_some())
     };
-    let mut finest = (least..=most).rev();
+    let mut finest = COARSE.rev();
     finest.find(|&n| grid.intervals.is_multiple_of(n) && !bends(n))
 }
 
@@ -107,13 +122,7 @@ fn from(
     before.push(&solution);
     Some(Begin {
         guess: problem.lifted(&point)?,
-        options: Options {
-            trust: Trust::First,
-            // Other ways are those of the first grid.
-            effort: 0,
-            patience: 0,
-            ..start::options(problem, true, None, limit)
-        },
+        options: start::options(problem, false, None, limit),
         is_solved_before: false,
         starts: None,
         before,

@@ -205,7 +205,8 @@ pub(crate) fn solve(problem: &mut Problem, begin: &Begin, watch: &mut dyn Watch)
     };
     watch.progress(&watch::Progress::Starts(progress));
     let Some(starts) = starts else {
-        let found = mpcc::solve_observed(&mut problem.program, guess, options, watch);
+        let options = begin.before.options(options);
+        let found = mpcc::solve_observed(&mut problem.program, guess, &options, watch);
         return MultiStart::new(vec![found]);
     };
     let moved = |number| mpcc::perturbed(guess, starts.deviation, starts.seed, number as u64);
