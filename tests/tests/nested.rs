@@ -54,7 +54,7 @@ fn switches_are_where_they_are() {
     for (horizon, n, rest) in [
         (2.0, 576, "elements 2;"),
         (2.0, 585, "elements 2; lower step;"),
-        (1.9, 520, "elements 2; lower stewart;"),
+        (2.0, 640, "elements 2; lower stewart;"),
     ] {
         let text = format!(
             "model m {{ state x = 1; control u in [-0.5, 0.5] = 0; x' = u - sign(x); }}
