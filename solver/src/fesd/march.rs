@@ -340,10 +340,14 @@ impl March {
         let change = run.entry.rate_scale * modes.all[run.place.mode].element.stages.h;
         let mut least = (0.0, 0);
         for (member, size) in run.entry.sizes.iter().enumerate() {
-            let size = size.max(change).max(BAND);
-            for value in self.values.of(&modes.scheme, member) {
-                if *value < least.0 * size {
-                    least = (value / size, member);
+            let values = self.values.of(&modes.scheme, member);
+            let lowest = values
+                .iter()
+                .fold(0.0, |m, &value| if value < m { value } else { m });
+            if lowest < 0.0 {
+                let share = lowest / size.max(change).max(BAND);
+                if share < least.0 {
+                    least = (share, member);
                 }
             }
         }
