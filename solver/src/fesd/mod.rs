@@ -125,6 +125,12 @@ const SHORTEST: f64 = 1e-14;
 /// Elements or events in a row without progress in time that count as the end of all progress.
 const MAX_STALLED: usize = 100;
 
+/// Whether a shorter element may be solved.
+fn is_of_length(status: &Status) -> bool {
+    use Status::{MissedSwitch, NotFinite, Unsolved};
+    matches!(status, Unsolved | NotFinite | MissedSwitch { .. })
+}
+
 /// Runs a system, keeping the functions it has met from one run to the next.
 pub struct Simulator<'s> {
     system: &'s ComplementaritySystem,
@@ -409,10 +415,8 @@ impl<'s> Simulator<'s> {
             let (march, modes) = (&mut self.march, &mut self.modes);
             let event = match march.element(modes, run, 0, length) {
                 Ok(event) => event,
-                Err(Status::Unsolved | Status::NotFinite | Status::MissedSwitch { .. })
-                    if length > SHORTEST * horizon =>
-                {
-                    (run.lengths.last, run.record.least_member) = (0.0, least_member);
+                Err(status) if length > SHORTEST * horizon && is_of_length(&status) => {
+                    run.lengths.last = 0.0;
                     h = 0.25 * length;
                     continue;
                 }
