@@ -31,6 +31,7 @@ use std::sync::Arc;
 use crate::optimization::ipm;
 use crate::optimization::mpcc::branch::leave::{BOXES, gain};
 use crate::optimization::mpcc::branch::polish::{Goal, Guess, Polished, polish};
+use crate::optimization::mpcc::branch::reach::reach;
 use crate::optimization::problem::{Mpcc, Nlp};
 use crate::optimization::scaling::{Scaled, Sizes};
 use branch::{Branch, choose};
@@ -468,8 +469,24 @@ impl Work<'_> {
         }
     }
 
-    fn feasible(&self, lifted: &mut Lifted<'_>, mut candidate: Candidate) -> Solution {
-        if !candidate.best.is_accurate() {
+    /// Goes to the nearest point that keeps the rows to rounding, where it is as stationary.
+    fn is_on_rows(&mut self, lifted: &mut Lifted<'_>, candidate: &mut Candidate) -> bool {
+        let Candidate {
+            best, certificate, ..
+        } = candidate;
+        lifted.settle(Some(&best.zeros));
+        let Some(w) = reach(lifted, &best.zeros, &best.point.w, self) else {
+            return false;
+        };
+        best.point.w = w;
+        best.residuals = Residuals::new(lifted, &best.point.w);
+        best.objective = lifted.objective(&best.point.w);
+        *certificate = self.certify(lifted, &best.point);
+        best.is_accurate()
+    }
+
+    fn feasible(&mut self, lifted: &mut Lifted<'_>, mut candidate: Candidate) -> Solution {
+        if !candidate.best.is_accurate() && !self.is_on_rows(lifted, &mut candidate) {
             candidate.certificate.class = Class::None;
         }
         let status = candidate.status();

@@ -39,7 +39,7 @@ pub struct Polished {
 }
 
 /// Rows and bounds of a solution are missed by no more, or by this share of the largest variable.
-const ACCURATE: f64 = 1e-7;
+const ACCURATE: f64 = 1e-8;
 const ROUNDINGS: f64 = 1e-14;
 
 impl Polished {
