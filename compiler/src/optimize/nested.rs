@@ -5,24 +5,28 @@
 
 use std::ops::RangeInclusive;
 
+use super::checks::confirm::confirm;
 use super::problem::Given;
 use super::start::{Begin, Start};
 use super::{Problem, Sampled, branches, start};
 use crate::limit::Limit;
 use crate::lowering::discretize::inside;
+use crate::project::clock::Instant;
 use crate::project::watch::Watch;
 use crate::report::{FoundBy, Way};
 use crate::system::experiment::Lengths;
 use nsd_solver::optimization::mpcc::{Options, Solution, Trust};
 
-/// Programs with no more intervals are solved by themselves.
-const LONG: usize = 512;
-/// How many intervals the first grid has: fewer may be too coarse.
+/// How many intervals the first grid has: fewer may be too coarse, and programs with no more are solved by themselves.
 const COARSE: RangeInclusive<usize> = 32..=128;
+/// With more intervals, branches in which the solution means the same are not looked at: each takes as long as the solution.
+const LONG: usize = 512;
 
 /// What leads to the point to start from.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Before {
+    /// As that of [`Options`], where there was a way.
+    pub patience: usize,
     /// What was found on the way, the first one first.
     pub ways: Vec<FoundBy>,
     /// Iterations in all.
@@ -40,7 +44,7 @@ impl Before {
             false => Options {
                 trust: Trust::First,
                 effort: 0,
-                patience: 0,
+                patience: self.patience,
                 ..options.clone()
             },
         }
@@ -79,7 +83,7 @@ fn intervals(problem: &Problem) -> Option<usize> {
     // What contacts give at the ends of parts would be no part of a solution, and numerical time has other parts.
     let is_split = problem.frozen.is_none() && problem.layout.boundaries.is_none();
     let is_alone = problem.task.starts.is_none();
-    if grid.intervals <= LONG || grid.lengths != Lengths::Equal || !is_split || !is_alone {
+    if grid.intervals <= *COARSE.end() || grid.lengths != Lengths::Equal || !is_split || !is_alone {
         return None;
     }
     let horizon = problem.settings.horizon;
@@ -100,6 +104,7 @@ fn from(
     limit: &Limit,
     watch: &mut dyn Watch,
 ) -> Option<Begin> {
+    let started = Instant::now();
     let mut task = problem.task.clone();
     task.discretization.intervals = n;
     let (system, settings) = (&problem.system, &problem.settings);
@@ -116,15 +121,27 @@ fn from(
     {
         return None;
     }
+    let mut ways = vec![FoundBy {
+        way: Way::Relaxation,
+        objective: solution.objective,
+    }];
+    // Where the program of all intervals may be too large for it, simulations say here which minimum is a better one.
+    confirm(&mut coarse, &mut solution, options, &mut ways, watch);
     let point = coarse.point(&solution.w);
     let point = point.in_parts(&coarse.layout, &problem.layout);
-    let mut before = Before::default();
-    before.push(&solution);
     Some(Begin {
         guess: problem.lifted(&point)?,
         options: start::options(problem, false, None, limit),
         is_solved_before: false,
         starts: None,
-        before,
+        before: Before {
+            patience: match problem.task.discretization.intervals {
+                ..=LONG => options.patience,
+                _ => 0,
+            },
+            ways,
+            iterations: solution.stats.iterations,
+            seconds: started.elapsed().as_secs_f64(),
+        },
     })
 }
