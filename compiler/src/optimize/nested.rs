@@ -13,12 +13,14 @@ use crate::limit::Limit;
 use crate::lowering::discretize::inside;
 use crate::project::clock::Instant;
 use crate::project::watch::Watch;
-use crate::report::{FoundBy, Way};
+use crate::report::{Confirmation, FoundBy, Way};
 use crate::system::experiment::Lengths;
 use nsd_solver::optimization::mpcc::{Options, Solution, Trust};
 
 /// How many intervals the first grid has: fewer may be too coarse, and programs with no more are solved by themselves.
-const COARSE: RangeInclusive<usize> = 32..=128;
+const COARSE: RangeInclusive<usize> = 16..=64;
+/// So many of these are tried.
+const TRIED: usize = 2;
 /// With more intervals, branches in which the solution means the same are not looked at: each takes as long as the solution.
 const LONG: usize = 512;
 
@@ -71,20 +73,19 @@ pub(super) fn begin(
     limit: &Limit,
     watch: &mut dyn Watch,
 ) -> Option<Begin> {
-    match intervals(problem).and_then(|n| from(problem, n, sampled, limit, watch)) {
-        Some(begin) => Some(begin),
-        None => problem.begin(Start::Task(sampled), limit),
-    }
+    let mut grids = intervals(problem).into_iter().take(TRIED);
+    let begin = grids.find_map(|n| from(problem, n, sampled, limit, watch));
+    begin.or_else(|| problem.begin(Start::Task(sampled), limit))
 }
 
-/// How many intervals the first grid has; none where there is no such grid.
-fn intervals(problem: &Problem) -> Option<usize> {
+/// How many intervals the first grid may have, the finest first.
+fn intervals(problem: &Problem) -> Vec<usize> {
     let grid = &problem.task.discretization;
     // What contacts give at the ends of parts would be no part of a solution, and numerical time has other parts.
     let is_split = problem.frozen.is_none() && problem.layout.boundaries.is_none();
     let is_alone = problem.task.starts.is_none();
     if grid.intervals <= *COARSE.end() || grid.lengths != Lengths::Equal || !is_split || !is_alone {
-        return None;
+        return Vec::new();
     }
     let horizon = problem.settings.horizon;
     let range = problem.task.horizon.unwrap_or((horizon, horizon));
@@ -92,8 +93,8 @@ fn intervals(problem: &Problem) -> Option<usize> {
         let mut tables = problem.dcs.data.iter().map(|data| &data.table);
         tables.any(|table| inside(table, range, n).is_some())
     };
-    let mut finest = COARSE.rev();
-    finest.find(|&n| grid.intervals.is_multiple_of(n) && !bends(n))
+    let are_parts = |n: &usize| grid.intervals.is_multiple_of(*n) && !bends(*n);
+    COARSE.rev().filter(are_parts).collect()
 }
 
 /// The solution with `n` intervals as a start, in its branch.
@@ -126,7 +127,10 @@ fn from(
         objective: solution.objective,
     }];
     // Where the program of all intervals may be too large for it, simulations say here which minimum is a better one.
-    confirm(&mut coarse, &mut solution, options, &mut ways, watch);
+    let (confirmation, _) = confirm(&mut coarse, &mut solution, options, &mut ways, watch);
+    if matches!(confirmation, Confirmation::Descent(_)) {
+        return None;
+    }
     let point = coarse.point(&solution.w);
     let point = point.in_parts(&coarse.layout, &problem.layout);
     Some(Begin {

@@ -422,7 +422,8 @@ pub fn cut(start: f64, end: f64, switches: &[f64], elements: usize) -> Vec<f64> 
 
 /// The ends of an interval, and the switches inside of it that are not one.
 fn cuts(start: f64, end: f64, switches: &[f64]) -> Vec<f64> {
-    let near = CLOSEST * (end - start);
+    // Parts in which instants inside of them are told from their ends.
+    let near = CLOSEST * (end - start) + f64::EPSILON / INSIDE * start.abs().max(end.abs());
     let inside = |t: &f64| *t > start + near && *t < end - near;
     let mut cuts = vec![start];
     cuts.extend(switches.iter().copied().filter(inside));
