@@ -5,7 +5,7 @@ use nsd_tests::random::Random;
 use nsdc::report::{Status, Trajectory, Way};
 
 /// How many random motions are looked at.
-const MOVES: usize = 10;
+const MOVES: usize = 6;
 
 /// The optimum with an objective to a relative tolerance.
 fn solved(text: &str, exact: f64, tolerance: f64) -> Trajectory {
@@ -93,7 +93,6 @@ fn prices_rise_at_ends_of_intervals() {
 #[test]
 fn blocks_with_friction_move_as_long_as_pays() {
     let mut random = Random(2);
-    let mut n_best = 0;
     for _ in 0..MOVES {
         let (mu, d) = (random.within(0.1, 0.6), random.within(0.2, 1.0));
         let tau = (6.0 * d / mu).sqrt();
@@ -109,10 +108,10 @@ fn blocks_with_friction_move_as_long_as_pays() {
         assert!(is_nested(&found), "{text}");
         let exact = 4.0 / 3.0 * mu * mu * tau;
         let excess = found.objective.expect("a solution has an objective") / exact - 1.0;
-        assert!((-1e-9..0.02).contains(&excess), "{excess:e}\n{text}");
         let interval = horizon / n as f64 / tau;
-        n_best += usize::from(excess < 3.0 * interval * interval);
+        assert!(
+            (-1e-9..3.0 * interval * interval).contains(&excess),
+            "{excess:e}\n{text}"
+        );
     }
-    // Where the ends of the motion are ends of intervals, there are other minima.
-    assert!(n_best + 1 >= MOVES, "{n_best} of {MOVES} are the best");
 }

@@ -6,7 +6,7 @@
 //! the simulation after a step along it.
 
 use nsd_solver::optimization::mpcc;
-use nsd_solver::optimization::mpcc::{Options, Solution};
+use nsd_solver::optimization::mpcc::{Options, Solution, Trust};
 
 use super::choices::choices;
 use super::descent::{self, Candidate, Found, LARGE, SMALL, Search};
@@ -78,6 +78,23 @@ impl Look {
     }
 }
 
+/// The looks of a problem.
+fn looks(problem: &Problem, options: &Options) -> &'static [Look] {
+    let system = &problem.system;
+    let has_relay = system.switches.iter().any(|switch| switch.relay.is_some());
+    // What follows an event depends on more than the state at it.
+    let has_memory =
+        has_relay || !system.jumps.laws.is_empty() || !system.jumps.contacts.is_empty();
+    // Without memory, other sequences are other ways. Where switches are read nonlinearly, the model is not in their modes.
+    let has_ways = options.effort > 0
+        && !system.switches.is_empty()
+        && problem.dcs.switches.branches.is_empty();
+    match has_memory || has_ways {
+        true => &LOOKS,
+        false => &LOOKS[..LOOKS.len() - 1],
+    }
+}
+
 /// Points that are better or may lead to better ones, the best first.
 struct Better {
     points: Vec<Candidate>,
@@ -106,7 +123,8 @@ pub(crate) fn confirm(
 ) -> (Confirmation, Option<f64>) {
     let limit = &options.limit;
     let mut rounds = 0..MAX_ROUNDS;
-    let (mut looks, mut unfollowed) = (&LOOKS[..], None);
+    let all = looks(problem, options);
+    let (mut looks, mut unfollowed) = (all, None);
     loop {
         let better = match look(problem, solution, looks, limit) {
             Ok(better) => better,
@@ -121,15 +139,19 @@ pub(crate) fn confirm(
         let found = round.and_then(|_| {
             let mut points = better.points.iter();
             points.find_map(|point| {
+                let trust = match better.way {
+                    Way::Sequence => Trust::Below(least),
+                    _ => Trust::First,
+                };
                 let found = (spent <= better.patience)
-                    .then(|| from(problem, &point.w, options, limit, watch))??;
+                    .then(|| from(problem, &point.w, (options, trust), limit, watch))??;
                 spent += found.stats.iterations;
                 Some(found).filter(is_better)
             })
         });
         if let Some(found) = found {
             ways.push(take(solution, found, better.way));
-            (looks, unfollowed) = (&LOOKS[..], None);
+            (looks, unfollowed) = (all, None);
             continue;
         }
         if better.is_descent {
@@ -138,7 +160,7 @@ pub(crate) fn confirm(
                 return (Confirmation::Descent(rate), None);
             }
             let beyond = beyond(problem, solution, better, limit, |problem, point| {
-                from(problem, point, options, limit, watch).filter(is_better)
+                from(problem, point, (options, Trust::First), limit, watch).filter(is_better)
             });
             match beyond {
                 Ok(found) => ways.push(take(solution, found, Way::Descent)),
@@ -148,7 +170,7 @@ pub(crate) fn confirm(
                 }
                 Err(_) => return (Confirmation::Descent(rate), None),
             }
-            (looks, unfollowed) = (&LOOKS[..], None);
+            (looks, unfollowed) = (all, None);
             continue;
         }
         // What is only better at some distance, and keeps the constraints, is another minimum.
@@ -220,7 +242,7 @@ fn simulated(
 fn from(
     problem: &mut Problem,
     point: &[f64],
-    options: &Options,
+    (options, trust): (&Options, Trust),
     limit: &Limit,
     watch: &mut dyn Watch,
 ) -> Option<Solution> {
@@ -234,7 +256,7 @@ fn from(
         return None;
     }
     let options = Options {
-        trust: mpcc::Trust::First,
+        trust,
         effort: 0,
         ..options.clone()
     };

@@ -313,13 +313,6 @@ impl<'r, 'e> Reduced<'r, 'e> {
         })
     }
 
-    /// Whether what follows an event depends on more than the state at it: where something jumps, or a switch has memory.
-    pub fn has_memory(&self) -> bool {
-        let system = &self.problem.system;
-        let has_relay = system.switches.iter().any(|switch| switch.relay.is_some());
-        has_relay || !system.jumps.laws.is_empty() || !system.jumps.contacts.is_empty()
-    }
-
     /// Whether it has other branches.
     pub fn is_switched(&self) -> bool {
         !self.problem.system.switches.is_empty()

@@ -2,8 +2,9 @@
 //!
 //! Where a relay, a contact or a jump comes next, what follows is another trajectory, and to first order nothing tells what
 //! it costs: a threshold that a solution touches is none that it passes, and a program sees an event move to the end of its
-//! control interval and not beyond it. So every control is changed alone, in one interval, by more and more, and where
-//! events come in other intervals than those of the solution, the program of that sequence may be better.
+//! control interval and not beyond it, where the control may have to jump. So every control is changed alone, in one
+//! interval, by more and more, and where events come in other intervals than those of the solution, the program of that
+//! sequence may be better.
 
 use super::descent::{Candidate, Found, Search};
 use super::reduced::{Kind, Quantity};
@@ -29,7 +30,7 @@ impl Search<'_, '_, '_> {
         let controls = self.reduced.quantities.iter().filter(is_control);
         let controls: Vec<Quantity> = controls.copied().collect();
         let runs = CHANGES.len() * controls.len();
-        if !self.reduced.has_memory() || self.reduced.is_too_much(runs, base.steps) {
+        if self.reduced.is_too_much(runs, base.steps) {
             return Found::Nothing;
         }
         let mut found: Vec<Sequence> = Vec::new();

@@ -174,7 +174,11 @@ fn solve_scaled(
         observer,
         objective: sizes.objective,
     };
-    let found = solve_lifted(&mut scaled, &start, options, &mut observer);
+    let options = Options {
+        trust: options.trust.in_units(sizes.objective),
+        ..options.clone()
+    };
+    let found = solve_lifted(&mut scaled, &start, &options, &mut observer);
     in_units::solution(scaled, sizes, found)
 }
 
@@ -212,7 +216,7 @@ impl Work<'_> {
                 w: start.to_vec(),
                 y: vec![0.0; lifted.n_rows()],
             };
-            let near = polish(lifted, &guess, &[], Goal::Solution, self);
+            let near = polish(lifted, &guess, &[], self.options.trust.goal(), self);
             if let Some(near) = near.ok().filter(|near| near.is_optimal) {
                 return self.of_smooth(lifted, near);
             }
@@ -279,9 +283,9 @@ impl Work<'_> {
                 y: vec![0.0; lifted.n_rows()],
             };
             let zeros = choose(lifted, start);
-            match polish(lifted, &guess, &zeros, Goal::Solution, self) {
+            match polish(lifted, &guess, &zeros, self.options.trust.goal(), self) {
                 Ok(polished) => best = Some(self.improve(lifted, polished, &[])),
-                Err(status) if self.options.trust == Trust::Alone => {
+                Err(status) if self.options.trust.is_alone() => {
                     let residuals = Residuals::new(lifted, &guess.w);
                     let (w, branch) = (guess.w, Some(status));
                     let failed = DeadEnd {
@@ -297,7 +301,7 @@ impl Work<'_> {
         }
         for (index, way) in ways(self.options).into_iter().enumerate() {
             let is_enough = |best: &Candidate| {
-                self.options.trust == Trust::Alone || self.is_enough(best, index, size)
+                self.options.trust.is_alone() || self.is_enough(best, index, size)
             };
             let is_over = |best: &Candidate| self.is_over() || is_enough(best);
             if best.as_ref().is_some_and(is_over) || index > 0 && self.is_over() {

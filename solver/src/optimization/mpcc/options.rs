@@ -3,6 +3,7 @@
 use super::certificate::Tolerances;
 use super::relaxed::{Coupling, Form};
 use crate::linalg::analyses::Analyses;
+use crate::optimization::mpcc::branch::polish::Goal;
 use crate::runtime::limit::Limit;
 
 /// How σ is driven to zero.
@@ -22,7 +23,7 @@ pub enum Homotopy {
 }
 
 /// What a start says of the branch to look in: that in which its smaller sides are zero.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Trust {
     /// Nothing.
     #[default]
@@ -31,6 +32,31 @@ pub enum Trust {
     First,
     /// Nothing but that branch is tried.
     Alone,
+    /// Nothing but that branch is tried, until it is known to have no objective below this.
+    Below(f64),
+}
+
+impl Trust {
+    /// Whether other branches than that of the start are not looked at.
+    pub(crate) fn is_alone(self) -> bool {
+        matches!(self, Trust::Alone | Trust::Below(_))
+    }
+
+    /// What is looked for in that branch, for an objective in units of a size.
+    pub(crate) fn in_units(self, size: f64) -> Self {
+        match self {
+            Trust::Below(objective) => Trust::Below(objective / size),
+            other => other,
+        }
+    }
+
+    /// What the solution of that branch is wanted for.
+    pub(super) fn goal(self) -> Goal {
+        match self {
+            Trust::Below(objective) => Goal::Below(objective),
+            _ => Goal::Solution,
+        }
+    }
 }
 
 /// The largest numbers of iterations.
