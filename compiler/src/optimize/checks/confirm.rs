@@ -258,6 +258,11 @@ fn from(
     let options = Options {
         trust,
         effort: 0,
+        // Those of the grid that it has now.
+        certificate: mpcc::Tolerances {
+            sizes: Some(problem.sizes.clone()),
+            ..options.certificate.clone()
+        },
         ..options.clone()
     };
     Some(mpcc::solve_observed(

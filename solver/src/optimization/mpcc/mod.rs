@@ -473,8 +473,9 @@ impl Work<'_> {
         }
     }
 
-    /// Goes to the nearest point that keeps the rows to rounding, where it is as stationary.
-    fn is_on_rows(&mut self, lifted: &mut Lifted<'_>, candidate: &mut Candidate) -> bool {
+    /// Goes to the nearest point that keeps the rows to little more than rounding, with its certificate; false where there is
+    /// none.
+    fn reaches_rows(&mut self, lifted: &mut Lifted<'_>, candidate: &mut Candidate) -> bool {
         let Candidate {
             best, certificate, ..
         } = candidate;
@@ -490,7 +491,7 @@ impl Work<'_> {
     }
 
     fn feasible(&mut self, lifted: &mut Lifted<'_>, mut candidate: Candidate) -> Solution {
-        if !candidate.best.is_accurate() && !self.is_on_rows(lifted, &mut candidate) {
+        if !candidate.best.is_accurate() && !self.reaches_rows(lifted, &mut candidate) {
             candidate.certificate.class = Class::None;
         }
         let status = candidate.status();
