@@ -7,6 +7,7 @@
 use nsd_solver::optimization::mpcc;
 use nsd_solver::optimization::mpcc::{Options, Solution, Status, Trust};
 
+use super::checks::confirm::Sequences;
 use super::checks::{confirm, simulated};
 use super::problem::Given;
 use super::{Problem, branches};
@@ -38,11 +39,12 @@ pub(super) fn confirm(
     (grids, ways): (&mut Vec<GridTried>, &mut Vec<FoundBy>),
     watch: &mut dyn Watch,
 ) -> (Confirmation, Option<f64>) {
+    let looks = (options, Sequences::WithMemory);
     if !problem.task.discretization.refines {
-        return confirm::confirm(problem, solution, options, ways, watch);
+        return confirm::confirm(problem, solution, looks, ways, watch);
     }
     refine(problem, solution, options, (grids, ways), watch);
-    let mut said = confirm::confirm(problem, solution, options, ways, watch);
+    let mut said = confirm::confirm(problem, solution, looks, ways, watch);
     for _ in 1..MOST_ROUNDS {
         // Another solution may ask for another grid.
         let last = grids.last().map(|grid| grid.objective);
@@ -50,7 +52,7 @@ pub(super) fn confirm(
         if !is_other || !refine(problem, solution, options, (grids, ways), watch) {
             break;
         }
-        said = confirm::confirm(problem, solution, options, ways, watch);
+        said = confirm::confirm(problem, solution, looks, ways, watch);
     }
     said
 }

@@ -5,7 +5,7 @@
 
 use std::ops::RangeInclusive;
 
-use super::checks::confirm::confirm;
+use super::checks::confirm::{Sequences, confirm};
 use super::problem::Given;
 use super::start::{Begin, Start};
 use super::{Problem, Sampled, branches, start};
@@ -127,7 +127,8 @@ fn from(
         objective: solution.objective,
     }];
     // Where the program of all intervals may be too large for it, simulations say here which minimum is a better one.
-    let (confirmation, _) = confirm(&mut coarse, &mut solution, options, &mut ways, watch);
+    let looks = (options, Sequences::All);
+    let (confirmation, _) = confirm(&mut coarse, &mut solution, looks, &mut ways, watch);
     if matches!(confirmation, Confirmation::Descent(_)) {
         return None;
     }

@@ -78,18 +78,26 @@ impl Look {
     }
 }
 
+/// Where other sequences of events are looked for.
+#[derive(Clone, Copy, PartialEq)]
+pub(crate) enum Sequences {
+    /// Where what follows an event depends on more than the state at it.
+    WithMemory,
+    /// Where anything switches: on a grid that is only the first one, the programs of them take little.
+    All,
+}
+
 /// The looks of a problem.
-fn looks(problem: &Problem, options: &Options) -> &'static [Look] {
+fn looks(problem: &Problem, sequences: Sequences) -> &'static [Look] {
     let system = &problem.system;
     let has_relay = system.switches.iter().any(|switch| switch.relay.is_some());
-    // What follows an event depends on more than the state at it.
     let has_memory =
         has_relay || !system.jumps.laws.is_empty() || !system.jumps.contacts.is_empty();
-    // Without memory, other sequences are other ways. Where switches are read nonlinearly, the model is not in their modes.
-    let has_ways = options.effort > 0
+    // Where switches are read nonlinearly, programs have modes that the model is not in.
+    let has_others = sequences == Sequences::All
         && !system.switches.is_empty()
         && problem.dcs.switches.branches.is_empty();
-    match has_memory || has_ways {
+    match has_memory || has_others {
         true => &LOOKS,
         false => &LOOKS[..LOOKS.len() - 1],
     }
@@ -117,13 +125,13 @@ struct Better {
 pub(crate) fn confirm(
     problem: &mut Problem,
     solution: &mut Solution,
-    options: &Options,
+    (options, sequences): (&Options, Sequences),
     ways: &mut Vec<report::FoundBy>,
     watch: &mut dyn Watch,
 ) -> (Confirmation, Option<f64>) {
     let limit = &options.limit;
     let mut rounds = 0..MAX_ROUNDS;
-    let all = looks(problem, options);
+    let all = looks(problem, sequences);
     let (mut looks, mut unfollowed) = (all, None);
     loop {
         let better = match look(problem, solution, looks, limit) {
