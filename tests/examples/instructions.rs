@@ -35,10 +35,12 @@ const TOLERANCE: f64 = 0.02;
 
 /// What is run again and again: compiled once, then called so many times.
 type Work = fn(usize);
+
+/// How many runs of a workload are counted that takes few instructions: hash tables of what is compiled before differ from
+/// one process to another, by up to 7000.
 const MANY: usize = 20;
 
-/// Their names, and how many runs are counted: the fewer instructions a run takes, the more, since hash tables of what is
-/// compiled before it differ from one process to another by up to 7000.
+/// Names of workloads, and how many of their runs are counted.
 const WORKLOADS: [(&str, usize, Work); 11] = [
     ("compile friction_chain", 1, |n| {
         for _ in 0..n {

@@ -19,7 +19,7 @@ use nsd_solver::optimization::mpcc::{Options, Solution, Trust};
 
 /// How many intervals the first grid has: fewer may be too coarse, and programs with no more are solved by themselves.
 const COARSE: RangeInclusive<usize> = 16..=64;
-/// So many of these are tried.
+/// How many first grids are tried, where simulations contradict the solution on one.
 const TRIED: usize = 2;
 /// With more intervals, branches in which the solution means the same are not looked at: each takes as long as the solution.
 const LONG: usize = 512;

@@ -87,7 +87,7 @@ pub(crate) enum Sequences {
     All,
 }
 
-/// The looks of a problem.
+/// Where a better point of a problem is looked for.
 fn looks(problem: &Problem, sequences: Sequences) -> &'static [Look] {
     let system = &problem.system;
     let has_relay = system.switches.iter().any(|switch| switch.relay.is_some());
