@@ -12,7 +12,7 @@ use crate::expansion::scales::TIE;
 use crate::hybrid::point::Point;
 use crate::hybrid::{Settings, Side, Status};
 use crate::selector::nonlinear::ScalarRate;
-use crate::selector::selection::{Choice, Decision, Entry, SlidingMode};
+use crate::selector::selection::{Choice, Decision, Entry, SlidingMode, fastest};
 
 /// How the dummy system starts.
 #[derive(Clone, Copy, PartialEq)]
@@ -114,7 +114,8 @@ impl<'a> Single<'a> {
         let ends = [0.0, 1.0].map(|end| rate.at(end)[0]);
         let sides = [Side::Minus, Side::Plus];
         let choices = sides.map(|side| self.choice(state, switch, side, 0.5 + 0.5 * side.sign()));
-        let scale = Judge::new(self.mode, self.settings).rates(state, &[switch], &choices)[0];
+        let mut judge = Judge::new(self.mode, self.settings);
+        let scale = judge.rates(state, &[switch], fastest(&choices))[0];
         let rests = ends.map(|rate| rate.abs() <= TIE * scale);
         let is_tied = [0, 1]
             .iter()

@@ -16,7 +16,7 @@ use crate::hybrid::point::Point;
 use crate::hybrid::status::Candidate;
 use crate::hybrid::{HybridSystem, Role, Settings, Side, Status};
 use crate::linalg::DenseLu;
-use crate::selector::selection::{Choice, Decision, Entry};
+use crate::selector::selection::{Choice, Decision, Entry, fastest};
 
 /// Steepness of one switch relative to that of the others.
 const STEEPNESS: [f64; 2] = [8.0, 0.125];
@@ -253,16 +253,14 @@ impl<'a> Several<'a> {
                 f: states.map(|&state| self.mode.field.f[state]).collect(),
             }
         });
-        let scales = Judge::new(self.mode, self.settings).rates(state, group, &corners);
+        let fastest = fastest(&corners);
+        let scales = Judge::new(self.mode, self.settings).rates(state, group, &fastest);
         if scales.iter().any(|scale| *scale <= 0.0) {
             return None;
         }
         let size = |(&i, scale): (&usize, &f64)| {
-            let largest = |state: usize| {
-                let at = self.mode.focus.states.partition_point(|&j| j < state);
-                let rates = corners.iter().map(|corner| corner.f[at].abs());
-                rates.fold(0.0, f64::max)
-            };
+            let largest =
+                |state: usize| fastest(self.mode.focus.states.partition_point(|&j| j < state));
             let size =
                 self.mode.surfaces.weigh(i, largest) + self.mode.surfaces.time_gradient(i).abs();
             if size > 0.0 { size } else { *scale }

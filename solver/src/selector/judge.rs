@@ -5,6 +5,7 @@
 //! mode decide by their first non-negligible term, so that tangencies of any order
 //! are the same rule.
 
+use std::cmp::Ordering::{Greater, Less};
 use std::sync::Arc;
 
 use crate::contact::friction_disc::{Disc, NearRest};
@@ -90,18 +91,22 @@ impl<'a> Judge<'a> {
         }
     }
 
-    /// Size of each rate of the group: |∇ψ|·|f| + |∂ψ/∂t| over all choices, with the terms of f that
-    /// cancel, and what would move ψ by its own size within a step. Where nothing acts, what rounding of forces that are
+    /// Size of each rate of the group: |∇ψ|·|f| + |∂ψ/∂t| over all choices, of which `most` is the largest |f| of the states
+    /// in focus, with the terms of f that cancel, and what would move ψ by its own size within a step. Where nothing acts, what rounding of forces that are
     /// zero does is a tie, and so is a rate that is rounding of what cancels within a gradient.
-    pub(crate) fn rates(&mut self, state: &State, group: &[usize], choices: &[Choice]) -> Vec<f64> {
+    pub(crate) fn rates(
+        &mut self,
+        state: &State,
+        group: &[usize],
+        most: impl Fn(usize) -> f64,
+    ) -> Vec<f64> {
         let mode = &mut self.mode;
         mode.vary(&state.point.alpha);
         mode.linearize(group);
         let states = mode.focus.states.to_vec();
         let largest = |component: usize| {
             let at = states.partition_point(|&state| state < component);
-            let values = choices.iter().map(|choice| choice.f[at].abs());
-            values.fold(state.scales.activity[component], f64::max)
+            most(at).max(state.scales.activity[component])
         };
         let rate = |i: &usize| {
             let terms = mode.surfaces.weigh(*i, largest);
@@ -378,18 +383,17 @@ impl<'a> Judge<'a> {
 }
 
 impl Judge<'_> {
-    /// The choice of a switch alone whose rates φ(0) and φ(1) on both sides have one sign and are no ties, where f is φ's.
+    /// The choice of a switch alone with rates φ(0) and φ(1) on both sides that are no ties, unless both lead away from the
+    /// surface, where f is φ's: it crosses where they have one sign, and slides where both lead to it.
     ///
-    /// It is the only solution among all choices, and a clear one: φ is affine in α, so that its zero, where it has one, is
-    /// outside of [0, 1] by min(|φ(0)|, |φ(1)|)/|∂φ/∂α| at least, which is no tie either. Twice a tie is more than what
-    /// rounding does to these.
-    pub(crate) fn crossing(&mut self, state: &State, switch: usize) -> Option<Choice> {
+    /// That is the only solution among all choices, and a clear one: φ is affine in α, so that its zero, where it has one,
+    /// is off the ends of [0, 1] by min(|φ(0)|, |φ(1)|)/|∂φ/∂α| at least, which is no tie either. Twice a tie is more than
+    /// what rounding does to these.
+    pub(crate) fn clear(&mut self, state: &State, switch: usize) -> Option<Choice> {
         let of_switch = &self.system.switches[switch];
         let is_relay = self.system.relay(switch).is_some();
         let is_sign = of_switch.is_plain() && !of_switch.is_in_disc() && !is_relay;
-        let mut sides = state.point.sides.clone();
-        sides[switch] = Side::Slide;
-        if !is_sign || self.system.is_idle(switch, &sides) {
+        if !is_sign || self.system.is_idle(switch, &state.point.sides) {
             return None;
         }
         let mode = &mut *self.mode;
@@ -401,28 +405,32 @@ impl Judge<'_> {
             let f = mode.focus.states.iter().map(|&state| mode.field.f[state]);
             (mode.phi(switch), f.collect::<Vec<f64>>())
         });
-        let has_one_sign = below * above > 0.0;
-        if !has_one_sign {
-            return None;
-        }
         let zero = below / (below - above);
-        let between = minus.iter().zip(&plus).map(|(a, b)| a + zero * (b - a));
-        let between = between.collect();
-        let choice = |side, alpha, f| Choice {
+        let (side, alpha) = match [below, above].map(|rate| rate.partial_cmp(&0.0)) {
+            [Some(Greater), Some(Greater)] => (Side::Plus, 1.0),
+            [Some(Less), Some(Less)] => (Side::Minus, 0.0),
+            [Some(Greater), Some(Less)] if !self.system.is_continuous(switch) => {
+                (Side::Slide, zero)
+            }
+            _ => return None,
+        };
+        let between = |at: usize| match zero.is_finite() {
+            true => minus[at] + zero * (plus[at] - minus[at]),
+            false => 0.0,
+        };
+        let most = |at: usize| minus[at].abs().max(plus[at].abs()).max(between(at).abs());
+        let rate = self.rates(state, &[switch], most)[0];
+        let is_clear = below.abs().min(above.abs()) > 2.0 * TIE * rate && rate > 0.0;
+        let f = |at: usize| match side {
+            Side::Minus => minus[at],
+            Side::Plus => plus[at],
+            Side::Slide => between(at),
+        };
+        is_clear.then(|| Choice {
             sides: vec![side],
             alpha: vec![alpha],
-            f,
-        };
-        let mut choices = vec![
-            choice(Side::Minus, 0.0, minus),
-            choice(Side::Plus, 1.0, plus),
-        ];
-        if zero.is_finite() {
-            choices.push(choice(Side::Slide, zero, between));
-        }
-        let rate = self.rates(state, &[switch], &choices)[0];
-        let is_clear = below.abs().min(above.abs()) > 2.0 * TIE * rate && rate > 0.0;
-        is_clear.then(|| choices.swap_remove(usize::from(above > 0.0)))
+            f: (0..minus.len()).map(f).collect(),
+        })
     }
 
     /// The time that is left, or what contacts that meet are predicted for.

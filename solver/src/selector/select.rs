@@ -23,7 +23,7 @@ use crate::hybrid::{HybridSystem, Note, Role, Settings, Side, Status};
 use crate::integrate::drift::Projection;
 use crate::integrate::singular_rates::{Rest, Roots, Settling};
 use crate::selector::algebraic::Initialization;
-use crate::selector::selection::{Choice, Entry, Onset};
+use crate::selector::selection::{Choice, Entry, Onset, fastest};
 
 /// The share of its band within which a contact that is not met itself has no gap: less than what a contact is grazed
 /// by, so that bodies that graze two others at once are not taken for jammed between them.
@@ -321,13 +321,14 @@ impl Selector<'_> {
             return Several::new(self.mode, self.settings).decide(state, group, wanted, t1);
         }
         if let &[switch] = group
-            && let Some(choice) = Judge::new(self.mode, self.settings).crossing(state, switch)
+            && let Some(choice) = Judge::new(self.mode, self.settings).clear(state, switch)
         {
             self.adopt(state, group, &choice, settling);
             return Ok(true);
         }
         let choices = Enumeration::new(self.mode, self.settings).choices(state, group)?;
-        let rates = Judge::new(self.mode, self.settings).rates(state, group, &choices.found);
+        let most = fastest(&choices.found);
+        let rates = Judge::new(self.mode, self.settings).rates(state, group, most);
         let measured = choices.found.into_iter().map(|choice| {
             let units = Judge::new(self.mode, self.settings).units(group, &choice, &rates);
             (choice, units)

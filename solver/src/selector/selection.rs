@@ -82,6 +82,14 @@ pub(crate) struct Choice {
     pub f: Vec<f64>,
 }
 
+/// The largest |f| of some choices, by the place of a state among those that ψ of the group depend on.
+pub(crate) fn fastest(choices: &[Choice]) -> impl Fn(usize) -> f64 {
+    |at| {
+        let rates = choices.iter().map(|choice| choice.f[at].abs());
+        rates.fold(0.0, f64::max)
+    }
+}
+
 /// What is known of the choices on a group.
 pub(crate) struct Choices {
     pub found: Vec<Choice>,

@@ -69,10 +69,9 @@ impl Search<'_, '_, '_> {
     }
 
     /// The quantities that have ranges.
-    fn bounded(&self) -> Vec<Quantity> {
-        let all = self.reduced.quantities.iter().copied();
+    fn bounded(&self) -> impl Iterator<Item = &Quantity> {
+        let all = self.reduced.quantities.iter();
         all.filter(|quantity| (quantity.upper - quantity.lower).is_finite())
-            .collect()
     }
 
     /// The solution with these quantities at shares of their ranges.
@@ -89,7 +88,7 @@ impl Search<'_, '_, '_> {
     /// The solution with every quantity alone at its bounds, but for lengths, which add up, and with all controls at equal
     /// shares of their ranges.
     fn at_bounds(&self) -> Vec<Vec<f64>> {
-        let bounded = self.bounded();
+        let bounded: Vec<Quantity> = self.bounded().copied().collect();
         let mut points = Vec::new();
         for &quantity in &bounded {
             let levels = match quantity.kind {
@@ -108,7 +107,7 @@ impl Search<'_, '_, '_> {
 
     /// All quantities at points of a Kronecker sequence.
     fn inside(&self) -> Vec<Vec<f64>> {
-        let bounded = self.bounded();
+        let bounded: Vec<Quantity> = self.bounded().copied().collect();
         let point = |k| {
             let shares = kronecker(k, bounded.len());
             self.moved(&bounded, |i| shares[i])
@@ -161,7 +160,7 @@ impl Search<'_, '_, '_> {
         target: f64,
         runs: &mut Range<usize>,
     ) -> Candidate {
-        let axes = axes(self.bounded().len());
+        let axes = axes(self.bounded().count());
         let mut step = FIRST;
         while step >= LAST {
             let before = point.merit;
@@ -209,7 +208,7 @@ impl Search<'_, '_, '_> {
     /// w + s d, with s in sizes of the quantities, inside their ranges.
     fn along(&self, w: &[f64], direction: &[f64], step: f64) -> Vec<f64> {
         let mut next = w.to_vec();
-        for (quantity, d) in self.bounded().iter().zip(direction) {
+        for (quantity, d) in self.bounded().zip(direction) {
             let value = w[quantity.index] + step * d * quantity.size;
             next[quantity.index] = value.max(quantity.lower).min(quantity.upper);
         }

@@ -70,7 +70,11 @@ pub(crate) fn system<'e>(problem: &Problem<'e>, w: &[f64]) -> System<'e> {
 /// The controls at a point as functions of time.
 pub(crate) fn tables(problem: &Problem, w: &[f64]) -> Vec<Arc<Table>> {
     let layout = &problem.layout;
-    let ends = problem.at(w).ends();
+    let mut ends = problem.at(w).ends();
+    // Lengths that are free may be below zero, as far as a solution keeps its bounds.
+    for k in 1..ends.len() {
+        ends[k] = ends[k].max(ends[k - 1]);
+    }
     let task = problem.system.task.iter();
     let controls = task.flat_map(|task| task.controls.iter().map(|_| task.shape));
     let table = |(i, shape): (usize, Shape)| {

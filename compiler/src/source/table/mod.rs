@@ -80,20 +80,24 @@ pub struct Table {
 }
 
 impl Table {
-    /// The function through rows whose times increase; there are as many as the fit takes.
+    /// The function through rows whose times increase; there are as many as the fit takes. What would be held, or a line,
+    /// for no time is left out.
     pub fn new(fit: Fit, times: &[f64], values: &[f64]) -> Self {
         let n = times.len();
+        let lasts = |&k: &usize| k + 1 == n || times[k] < times[k + 1];
         let (mut starts, coefficients) = match fit {
             Fit::Hold => {
-                let changes = |&k: &usize| k == 0 || values[k] != values[k - 1];
-                let kept: Vec<usize> = (0..n).filter(changes).collect();
+                let mut kept: Vec<usize> = (0..n).filter(lasts).collect();
+                kept.dedup_by(|k, last| values[*k] == values[*last]);
                 let of = |list: &[f64]| kept.iter().map(|&k| list[k]).collect();
                 (of(times), of(values))
             }
+            Fit::Linear if times[n - 1] <= times[0] => (vec![times[0]], vec![values[n - 1], 0.0]),
             Fit::Linear => {
                 let slope = |k: usize| (values[k + 1] - values[k]) / (times[k + 1] - times[k]);
-                let pieces = (0..n - 1).flat_map(|k| [values[k], slope(k)]);
-                (times[..n - 1].to_vec(), pieces.collect())
+                let lines = || (0..n - 1).filter(lasts);
+                let pieces = lines().flat_map(|k| [values[k], slope(k)]);
+                (lines().map(|k| times[k]).collect(), pieces.collect())
             }
             Fit::Cubic => (times[..n - 1].to_vec(), spline::coefficients(times, values)),
         };

@@ -36,6 +36,19 @@ fn equal_values_that_are_held_are_one_piece() {
     assert_eq!(table.n_rows, 4);
 }
 
+/// Of rows at one time the last one holds, and a line ends at the first of them.
+#[test]
+fn nothing_lasts_for_no_time() {
+    let (times, values) = ([0.0, 1.0, 1.0, 1.0, 3.0], [0.0, 2.0, 9.0, 4.0, 6.0]);
+    for (fit, inside) in [(Fit::Hold, [0.0, 4.0]), (Fit::Linear, [1.0, 5.0])] {
+        let table = Table::new(fit, &times, &values);
+        assert_eq!([0.5, 2.0].map(|t| table.value(t)), inside);
+        assert_eq!((table.piece(0.5).end, table.value(1.0)), (1.0, 4.0));
+        let instant = Table::new(fit, &[2.0, 2.0], &[1.0, 7.0]);
+        assert_eq!([1.0, 2.0, 5.0].map(|t| instant.value(t)), [7.0; 3]);
+    }
+}
+
 #[test]
 fn lines_lead_from_row_to_row() {
     let table = Table::new(Fit::Linear, &[0.0, 1.0, 3.0], &[0.0, 2.0, -2.0]);
