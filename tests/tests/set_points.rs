@@ -1,7 +1,11 @@
 //! Set points that step in time: what depends on them jumps, and is decided anew by value.
 
+use nsd_tests::set_points::{Written, loops};
 use nsd_tests::{end, optimum, solved, times};
-use nsdc::report::EventKind;
+use nsdc::report::{EventKind, Status};
+
+/// Random loops that are programs.
+const SEEDS: u64 = 4;
 
 /// What looks for switches, with every lowering.
 const METHODS: [&str; 6] = [
@@ -95,6 +99,34 @@ fn a_program_passes_steps_of_time() {
             let run = optimum(&response("sign(r - x)", &setting), "run");
             let x = end(&run, "x")[0];
             assert!((x - 0.5).abs() < 1e-7, "{intervals}, {lowering}: {x}");
+        }
+    }
+}
+
+/// Set points that step where control intervals begin: there is nothing to detect, and nothing that a control does. The ends
+/// are by matrix exponentials.
+#[test]
+fn set_points_step_where_intervals_begin() {
+    for (written, seeds) in [
+        (Written::Cases, SEEDS),
+        (Written::Steps, 1),
+        (Written::Input, 1),
+    ] {
+        for seed in 0..seeds {
+            let loops = loops(seed, written);
+            let intervals = 4.0 * loops.horizon;
+            let text = format!(
+                "model m {{ {} }}
+                 optimize o of m {{ with {{ {} }} horizon {}; intervals {intervals}; elements 3; minimize integral(U^2); }}",
+                loops.model, loops.given, loops.horizon
+            );
+            let found = optimum(&text, "o");
+            assert_eq!(found.status, Status::Solved, "{:?}\n{text}", found.failure);
+            assert!(found.objective.is_some_and(|least| least < 1e-12), "{text}");
+            for (i, (exact, scale)) in loops.end.iter().zip(&loops.scales).enumerate() {
+                let x = end(&found, &format!("x{}", i + 1))[0];
+                assert!((x - exact).abs() < 1e-3 * scale, "{x} for {exact}\n{text}");
+            }
         }
     }
 }

@@ -204,10 +204,20 @@ impl Comparison<'_> {
             })
     }
 
-    /// True when at the point ψ has a value, up to `allowed` of its magnitude within the step.
+    /// True when at the point ψ has a value, up to `allowed` of its magnitude within the step, and rounding of its terms at
+    /// the start, or at the point: they may grow from nothing and cancel.
     fn psi_agrees(&mut self, switch: usize, [value, size]: [f64; 2]) -> bool {
         let difference = (value - self.mode.monitored_psi(switch)).abs();
-        difference <= self.allowed * size + ROUNDINGS * (self.bands.terms[switch] + size)
+        let least = self.allowed * size + ROUNDINGS * (self.bands.terms[switch] + size);
+        difference <= least || {
+            let Mode {
+                surfaces, memory, ..
+            } = &mut *self.mode;
+            surfaces.linearize(switch, &memory.values);
+            let states = surfaces.weigh(switch, |j| memory.values[1 + j].abs());
+            let rounding = surfaces.running_error(switch, &memory.values);
+            difference <= least + ROUNDINGS * states + rounding
+        }
     }
 
     /// True when at the point φ_K vanishes.

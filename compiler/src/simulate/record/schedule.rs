@@ -8,6 +8,7 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
+use crate::lowering::discretize::inside;
 use crate::lowering::hybrid;
 use crate::lowering::hybrid::variable;
 
@@ -18,57 +19,112 @@ use crate::expr::{Expr, Substitution, Var, variables_of};
 use crate::model::Data;
 use crate::source::Span;
 use crate::source::table::{Fit, Table};
+use crate::system::regions::subsystems_of;
 use crate::system::{Coupling, Jumps, State, Subsystem, System};
 
 /// The system with data in place of the switches of time with which others jump. Where these have no end of changes
 /// within the horizon it is what it was.
 pub(crate) fn scheduled<'e>(system: &System<'e>, horizon: f64) -> System<'e> {
+    let timed = system.timed();
+    let timed: Vec<usize> = (0..timed.len()).filter(|&k| timed[k]).collect();
     let leading = system.leading();
+    let is_replaced = |switch: usize, _: &Table| leading.contains(&switch);
     if leading.is_empty() {
         return system.clone();
     }
-    let Some(changes) = changes(system, horizon) else {
+    let Some((mut scheduled, _)) = replaced(system, horizon, timed, is_replaced) else {
         return system.clone();
     };
-    let mut scheduled = system.clone();
-    let mut steps: Vec<(usize, Var, Expr<'e>)> = Vec::new();
-    for &switch in &leading {
-        let place = changes.switches.iter().position(|&timed| timed == switch);
-        let Some(place) = place else {
-            continue;
-        };
+    for partition in &mut scheduled.coupling.partitions {
+        partition.indicators.clear();
+    }
+    let (rates, alphas) = rates_and_alphas(&scheduled);
+    scheduled.coupling.subsystems = crate::system::subsystems(&rates, &alphas);
+    scheduled
+}
+
+/// The system with data in place of the switches of time that change where one of so many equal steps begins, and nowhere
+/// else; without those that depend on `inputs`, which are no numbers, or decide about named regions.
+pub(crate) fn held<'e>(
+    system: &System<'e>,
+    horizon: f64,
+    steps: usize,
+    mut inputs: Vec<Var>,
+) -> System<'e> {
+    let partitions = &system.coupling.partitions;
+    let mut known = Vec::new();
+    for (k, is_timed) in system.timed().into_iter().enumerate() {
+        let switch = &system.switches[k];
+        let read = variables_of(&[switch.psi]);
+        let is_known = is_timed
+            && !inputs.iter().any(|input| read.contains(input))
+            && !partitions.iter().any(|p| p.switches.contains(&k));
+        match is_known {
+            true => known.push(k),
+            false => inputs.push(variable(switch.alpha)),
+        }
+    }
+    let begins_steps = |_: usize, table: &Table| inside(table, (horizon, horizon), steps).is_none();
+    let Some((mut held, steps)) = replaced(system, horizon, known, begins_steps) else {
+        return system.clone();
+    };
+    // Nor is there anything to detect of their own.
+    let half = system.exprs.constant(0.5);
+    for (switch, step) in steps {
+        held.switches[switch].psi = step - half;
+    }
+    let (rates, alphas) = rates_and_alphas(&held);
+    held.coupling.subsystems = subsystems_of(&rates, &alphas, &held.coupling.partitions);
+    held
+}
+
+/// The system with data in place of those of the switches of time that are to be replaced, and these with their data; none
+/// where there are none, or they have no end of changes within the horizon. A switch keeps its own α, by which it is told.
+fn replaced<'e>(
+    system: &System<'e>,
+    horizon: f64,
+    switches: Vec<usize>,
+    is_replaced: impl Fn(usize, &Table) -> bool,
+) -> Option<(System<'e>, Vec<(usize, Expr<'e>)>)> {
+    if switches.is_empty() {
+        return None;
+    }
+    let changes = changes(system, horizon, switches)?;
+    let mut replaced = system.clone();
+    let mut found = Vec::new();
+    for (place, &switch) in changes.switches.iter().enumerate() {
         let (times, values) = changes.of(place);
+        let table = Table::new(Fit::Hold, &times, &values);
+        if !is_replaced(switch, &table) {
+            continue;
+        }
         let name = &system.switches[switch].name;
         let data = Data {
             name: name.clone(),
             var: system.exprs.variable(&format!("step({name})")),
             text: format!("step({name})"),
-            table: Arc::new(Table::new(Fit::Hold, &times, &values)),
+            table: Arc::new(table),
             span: Span::default(),
         };
-        steps.push((switch, variable(system.switches[switch].alpha), data.var));
-        scheduled.exogenous.data.push(data);
+        found.push((switch, data.var));
+        replaced.exogenous.data.push(data);
     }
-    // A switch keeps its own α, by which it is told.
-    let all: Substitution<'e> = steps
-        .iter()
-        .map(|&(_, alpha, step)| (alpha, step))
-        .collect();
-    for state in &mut scheduled.states {
-        state.rate = state.rate.substitute(&all);
+    let alpha = |switch: usize| variable(system.switches[switch].alpha);
+    let steps = found.iter().map(|&(switch, step)| (alpha(switch), step));
+    let steps: Substitution<'e> = steps.collect();
+    for state in &mut replaced.states {
+        state.rate = state.rate.substitute(&steps);
     }
-    for switch in &mut scheduled.switches {
-        switch.psi = switch.psi.substitute(&all);
+    for switch in &mut replaced.switches {
+        switch.psi = switch.psi.substitute(&steps);
     }
-    for partition in &mut scheduled.coupling.partitions {
-        partition.indicators.clear();
-    }
-    let rates: Vec<Expr<'e>> = scheduled.states.iter().map(|state| state.rate).collect();
-    let alphas: Vec<Var> = (scheduled.switches.iter())
-        .map(|switch| variable(switch.alpha))
-        .collect();
-    scheduled.coupling.subsystems = crate::system::subsystems(&rates, &alphas);
-    scheduled
+    (!found.is_empty()).then_some((replaced, found))
+}
+
+fn rates_and_alphas<'e>(system: &System<'e>) -> (Vec<Expr<'e>>, Vec<Var>) {
+    let rates = system.states.iter().map(|state| state.rate).collect();
+    let alphas = system.switches.iter();
+    (rates, alphas.map(|switch| variable(switch.alpha)).collect())
 }
 
 /// What decides when switches of time change with which others jump; nothing where none do.
@@ -133,10 +189,8 @@ impl Observer for Changes {
     }
 }
 
-/// When the switches of time change, by a run from event to event in which nothing else does.
-fn changes(system: &System, horizon: f64) -> Option<Changes> {
-    let timed = system.timed();
-    let switches: Vec<usize> = (0..timed.len()).filter(|&k| timed[k]).collect();
+/// When these switches of time change, which read no others, by a run from event to event in which nothing else does.
+fn changes(system: &System, horizon: f64, switches: Vec<usize>) -> Option<Changes> {
     let clock = State {
         name: String::new(),
         var: system.exprs.variable("still"),
