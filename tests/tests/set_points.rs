@@ -5,7 +5,7 @@ use nsd_tests::{end, optimum, solved, times};
 use nsdc::report::{EventKind, Status};
 
 /// Random loops that are programs.
-const SEEDS: u64 = 4;
+const SEEDS: u64 = 3;
 
 /// What looks for switches, with every lowering.
 const METHODS: [&str; 6] = [

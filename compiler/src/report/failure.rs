@@ -398,7 +398,7 @@ pub enum Failure {
     #[diagnostic(
         code(E0715),
         help(
-            "loosen one of these lines, the horizon, or bounds of controls and states, or start from another `guess`; an interval with m `elements` holds m - 1 instants of switches"
+            "loosen one of these lines, the horizon, or bounds of controls and states, or start from another `guess`; an interval with m `elements` holds m - 1 instants of switches, and steps of time are best where `intervals` begin"
         )
     )]
     Infeasible {

@@ -44,7 +44,8 @@ pub(crate) fn scheduled<'e>(system: &System<'e>, horizon: f64) -> System<'e> {
 }
 
 /// The system with data in place of the switches of time that change where one of so many equal steps begins, and nowhere
-/// else; without those that depend on `inputs`, which are no numbers, or decide about named regions.
+/// else; without those that depend on `inputs`, which are no numbers, that decide about named regions, or that are constant
+/// in each step as they are.
 pub(crate) fn held<'e>(
     system: &System<'e>,
     horizon: f64,
@@ -64,7 +65,16 @@ pub(crate) fn held<'e>(
             false => inputs.push(variable(switch.alpha)),
         }
     }
-    let begins_steps = |_: usize, table: &Table| inside(table, (horizon, horizon), steps).is_none();
+    let data = system.exogenous.data.iter();
+    let data = data.filter(|data| data.table.fit == Fit::Hold);
+    let constants: Vec<Var> = data.map(|data| variable(data.var)).collect();
+    let is_constant = |switch: usize| {
+        let mut read = variables_of(&[system.switches[switch].psi]).into_iter();
+        read.all(|var| constants.contains(&var))
+    };
+    let begins_steps = |switch: usize, table: &Table| {
+        !is_constant(switch) && inside(table, (horizon, horizon), steps).is_none()
+    };
     let Some((mut held, steps)) = replaced(system, horizon, known, begins_steps) else {
         return system.clone();
     };
