@@ -92,8 +92,9 @@ impl<'a> Judge<'a> {
     }
 
     /// Size of each rate of the group: |∇ψ|·|f| + |∂ψ/∂t| over all choices, of which `most` is the largest |f| of the states
-    /// in focus, with the terms of f that cancel, and what would move ψ by its own size within a step. Where nothing acts, what rounding of forces that are
-    /// zero does is a tie, and so is a rate that is rounding of what cancels within a gradient.
+    /// in focus, with the terms of f that cancel, and what would move ψ by its own size within a step. Where nothing acts,
+    /// what rounding of forces that are zero does is a tie, and so is a rate that is rounding of what cancels within a
+    /// gradient.
     pub(crate) fn rates(
         &mut self,
         state: &State,

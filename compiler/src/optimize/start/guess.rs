@@ -184,7 +184,9 @@ impl Known<'_, '_> {
     ) {
         let Problem { layout, dcs, .. } = self.problem;
         let system = self.problem.lowered();
-        let mut values = system.valuation(share * self.horizon, &[], &[]);
+        let middle = (k as f64 - 0.5) / layout.steps as f64;
+        let instants = [share, middle].map(|share| share * self.horizon);
+        let mut values = system.valuation_around(instants, &[], &[]);
         for (i, state) in system.states.iter().enumerate() {
             let started = layout.started(k, i).filter(|_| (j, m) == (1, 0));
             let value = match i < layout.n_states() {

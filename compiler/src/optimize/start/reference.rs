@@ -216,13 +216,13 @@ impl Lowered for WithControls<'_, '_> {
         &self.impacts
     }
 
-    fn direct(&mut self, alphas: &mut [f64], time: f64, x: &[f64]) {
-        let known = self.system.valuation(time, x, &[]);
+    fn direct(&mut self, alphas: &mut [f64], instants: [f64; 2], x: &[f64]) {
+        let known = self.system.valuation_around(instants, x, &[]);
         directed(self.system, alphas, &|var| known.number(var));
     }
 
-    fn in_mode(&mut self, time: f64, x: &[f64], alphas: &[f64]) -> Vec<f64> {
-        let known = self.system.valuation(time, x, &[]);
+    fn in_mode(&mut self, instants: [f64; 2], x: &[f64], alphas: &[f64]) -> Vec<f64> {
+        let known = self.system.valuation_around(instants, x, &[]);
         solve_in_mode(self.system, self.dcs, alphas, &|var| known.number(var)).algebraics
     }
 

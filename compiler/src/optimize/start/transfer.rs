@@ -261,7 +261,8 @@ impl Problem<'_> {
         time: f64,
     ) -> Vec<f64> {
         let (layout, system) = (&self.layout, self.lowered());
-        let mut known = system.valuation(time, &[], &[]);
+        let middle = (k as f64 - 0.5) / layout.steps as f64 * point.horizon;
+        let mut known = system.valuation_around([time, middle], &[], &[]);
         for (i, state) in system.states.iter().enumerate() {
             let started = element.started.get(i).copied().flatten();
             let value = element.states[m].get(i).copied().unwrap_or(0.0);

@@ -3,12 +3,13 @@
 //! α_i ∈ step(ψ_i(t)) -> r_i(t), constant from one root of ψ_i to the next
 //!
 //! Where ψ of other switches jump with α_i, a method that does not look for switches has a point on either side of the
-//! jump in one step. With data in its place steps end there, and each has the piece that holds in it.
+//! jump in one step. With data in its place steps end there, and each has the piece that holds in it. A program whose
+//! control intervals begin at all roots of ψ_i has nothing to detect there.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use crate::lowering::discretize::inside;
+use crate::lowering::discretize::beginning;
 use crate::lowering::hybrid;
 use crate::lowering::hybrid::variable;
 
@@ -28,11 +29,11 @@ pub(crate) fn scheduled<'e>(system: &System<'e>, horizon: f64) -> System<'e> {
     let timed = system.timed();
     let timed: Vec<usize> = (0..timed.len()).filter(|&k| timed[k]).collect();
     let leading = system.leading();
-    let is_replaced = |switch: usize, _: &Table| leading.contains(&switch);
+    let changes = |switch: usize, times| leading.contains(&switch).then_some(times);
     if leading.is_empty() {
         return system.clone();
     }
-    let Some((mut scheduled, _)) = replaced(system, horizon, timed, is_replaced) else {
+    let Some((mut scheduled, _)) = replaced(system, horizon, timed, changes) else {
         return system.clone();
     };
     for partition in &mut scheduled.coupling.partitions {
@@ -72,10 +73,12 @@ pub(crate) fn held<'e>(
         let mut read = variables_of(&[system.switches[switch].psi]).into_iter();
         read.all(|var| constants.contains(&var))
     };
-    let begins_steps = |switch: usize, table: &Table| {
-        !is_constant(switch) && inside(table, (horizon, horizon), steps).is_none()
+    let changes = |switch: usize, times: Vec<f64>| {
+        let begin = |t: f64| beginning(t, horizon, steps);
+        let begins: Option<Vec<f64>> = times.into_iter().map(begin).collect();
+        begins.filter(|_| !is_constant(switch))
     };
-    let Some((mut held, steps)) = replaced(system, horizon, known, begins_steps) else {
+    let Some((mut held, steps)) = replaced(system, horizon, known, changes) else {
         return system.clone();
     };
     // Nor is there anything to detect of their own.
@@ -88,13 +91,14 @@ pub(crate) fn held<'e>(
     held
 }
 
-/// The system with data in place of those of the switches of time that are to be replaced, and these with their data; none
-/// where there are none, or they have no end of changes within the horizon. A switch keeps its own α, by which it is told.
+/// The system with data in place of those of the switches of time that are to be replaced, and these with their data: `kept`
+/// gives the instants that are taken for those at which one changes. None where there are none, or they have no end of changes
+/// within the horizon. A switch keeps its own α, by which it is told.
 fn replaced<'e>(
     system: &System<'e>,
     horizon: f64,
     switches: Vec<usize>,
-    is_replaced: impl Fn(usize, &Table) -> bool,
+    kept: impl Fn(usize, Vec<f64>) -> Option<Vec<f64>>,
 ) -> Option<(System<'e>, Vec<(usize, Expr<'e>)>)> {
     if switches.is_empty() {
         return None;
@@ -104,16 +108,15 @@ fn replaced<'e>(
     let mut found = Vec::new();
     for (place, &switch) in changes.switches.iter().enumerate() {
         let (times, values) = changes.of(place);
-        let table = Table::new(Fit::Hold, &times, &values);
-        if !is_replaced(switch, &table) {
+        let Some(times) = kept(switch, times) else {
             continue;
-        }
+        };
         let name = &system.switches[switch].name;
         let data = Data {
             name: name.clone(),
             var: system.exprs.variable(&format!("step({name})")),
             text: format!("step({name})"),
-            table: Arc::new(table),
+            table: Arc::new(Table::new(Fit::Hold, &times, &values)),
             span: Span::default(),
         };
         found.push((switch, data.var));

@@ -67,10 +67,20 @@ impl System<'_> {
 
     /// Parameters, time, data, states and, as far as they are given, α.
     pub fn valuation(&self, time: f64, x: &[f64], alpha: &[f64]) -> Valuation {
+        self.valuation_around([time, time], x, alpha)
+    }
+
+    /// The same at an instant that ends a piece of data, or begins one, with the pieces of another instant.
+    pub fn valuation_around(
+        &self,
+        [time, inside]: [f64; 2],
+        x: &[f64],
+        alpha: &[f64],
+    ) -> Valuation {
         let mut known = self.parameters();
         known.set(self.time, time);
         let data = self.exogenous.data.iter();
-        known.extend(data.map(|data| (data.var, data.table.value(time))));
+        known.extend(data.map(|data| (data.var, data.table.piece(inside).value(time))));
         let states = self.states.iter().map(|state| state.var);
         known.extend(states.zip(x.iter().copied()));
         for (switch, &alpha) in self.switches.iter().zip(alpha) {

@@ -211,13 +211,13 @@ impl Lowered for Points {
         &self.contacts.impacts
     }
 
-    fn in_mode(&mut self, t: f64, x: &[f64], alpha: &[f64]) -> Vec<f64> {
-        self.go_to(t);
+    fn in_mode(&mut self, [t, inside]: [f64; 2], x: &[f64], alpha: &[f64]) -> Vec<f64> {
+        self.go_to(inside);
         self.at(t, x).z_in_mode(&self.system, alpha)
     }
 
     /// Where w comes to zero, its direction is that before.
-    fn direct(&mut self, alpha: &mut [f64], t: f64, x: &[f64]) {
+    fn direct(&mut self, alpha: &mut [f64], [t, inside]: [f64; 2], x: &[f64]) {
         let slips = |[first, second]: [usize; 2]| {
             let u = [first, second].map(|k| 2.0 * alpha[k] - 1.0);
             u[0].hypot(u[1]) > 1.0 + OUTSIDE
@@ -227,7 +227,7 @@ impl Lowered for Points {
         if slipping.is_empty() {
             return;
         }
-        self.go_to(t);
+        self.go_to(inside);
         let (_, there) = self.at(t, x).sides(&self.system, &[]);
         for k in slipping {
             alpha[k] = there[k];

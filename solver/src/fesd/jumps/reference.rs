@@ -204,7 +204,7 @@ impl Reference {
                 };
                 let states = (element.states[m]..).zip(&row[..n_states]);
                 states.for_each(|(i, &x)| set(i, x));
-                let z = self.multipliers(lowered, start + c * h, [&row, &within]);
+                let z = self.multipliers(lowered, [start + c * h, inside], [&row, &within]);
                 let places = element.algebraics[m].iter().zip(&z);
                 places.for_each(|(place, &z)| place.iter().for_each(|&i| set(i, z)));
                 if m > 0 {
@@ -252,17 +252,17 @@ impl Reference {
         Some((piece.at(time), piece.at(inside)))
     }
 
-    /// z for the states and α of a run: all rows at an instant, and those near by.
+    /// z for the states and α of a run: all rows at an instant, and those near by, inside of its element.
     fn multipliers(
         &self,
         lowered: &mut impl Lowered,
-        time: f64,
+        instants: [f64; 2],
         [row, within]: [&[f64]; 2],
     ) -> Vec<f64> {
         let n = self.outcome.x.len();
         let (x, near, mut alphas) = (&row[..n], &within[..n], within[n..].to_vec());
-        lowered.direct(&mut alphas, time, near);
-        let mut z = lowered.in_mode(time, x, &alphas);
+        lowered.direct(&mut alphas, instants, near);
+        let mut z = lowered.in_mode(instants, x, &alphas);
         // On the surface of a contact the sign of rounding says nothing, also where nothing presses.
         let largest = x.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
         for impact in lowered.impacts() {
@@ -309,11 +309,12 @@ pub trait Lowered {
     /// The contacts whose impulses act where elements meet.
     fn impacts(&self) -> &[Impact];
 
-    /// Gives α of what slips in a plane the direction of slip at a point.
-    fn direct(&mut self, alphas: &mut [f64], time: f64, x: &[f64]);
+    /// Gives α of what slips in a plane the direction of slip at a point: at an instant, with data and controls as they are
+    /// at another one, since they may jump there.
+    fn direct(&mut self, alphas: &mut [f64], instants: [f64; 2], x: &[f64]);
 
-    /// z in the mode of these α.
-    fn in_mode(&mut self, time: f64, x: &[f64], alphas: &[f64]) -> Vec<f64>;
+    /// z in the mode of these α, at such instants.
+    fn in_mode(&mut self, instants: [f64; 2], x: &[f64], alphas: &[f64]) -> Vec<f64>;
 
     /// The rate of the gap and the restitution of a contact.
     fn law(&mut self, contact: usize, time: f64, x: &[f64]) -> [f64; 2];

@@ -30,18 +30,23 @@ pub(crate) struct Data<'p, 'e> {
 /// Pieces begin so close to the start of a step, as a share of its length.
 const TOGETHER: f64 = 1e-9;
 
+/// Where the step begins that an instant begins, of so many in a horizon; none where it is inside of one.
+pub fn beginning(t: f64, horizon: f64, steps: usize) -> Option<f64> {
+    let place = t / horizon * steps as f64;
+    let k = place.round();
+    ((place - k).abs() <= TOGETHER).then(|| horizon * k / steps as f64)
+}
+
 /// Where a piece begins inside a step of a horizon that is known, or anywhere in one that is not.
 pub fn inside(table: &Table, horizon: (f64, f64), steps: usize) -> Option<f64> {
     let (shortest, longest) = horizon;
-    let step = longest / steps as f64;
     let mut t = 0.0;
     loop {
         t = table.piece(t).end;
         if t >= longest {
             return None;
         }
-        let place = t / step;
-        if shortest < longest || (place - place.round()).abs() > TOGETHER {
+        if shortest < longest || beginning(t, longest, steps).is_none() {
             return Some(t);
         }
     }

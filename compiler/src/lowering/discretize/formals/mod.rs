@@ -10,7 +10,7 @@ pub(crate) mod block;
 mod data;
 
 use data::Data;
-pub use data::inside;
+pub use data::{beginning, inside};
 
 use super::layout::Layout;
 use super::{DiscretizeError, Grid};
