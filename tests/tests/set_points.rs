@@ -1,11 +1,14 @@
 //! Set points that step in time: what depends on them jumps, and is decided anew by value.
 
+use nsd_tests::random::Random;
 use nsd_tests::set_points::{Written, loops};
 use nsd_tests::{end, optimum, solved, times};
 use nsdc::report::{EventKind, Status};
 
 /// Random loops that are programs.
 const SEEDS: u64 = 3;
+/// Random set points that a plan follows.
+const PLANS: usize = 3;
 
 /// What looks for switches, with every lowering.
 const METHODS: [&str; 6] = [
@@ -127,6 +130,37 @@ fn set_points_step_where_intervals_begin() {
                 let x = end(&found, &format!("x{}", i + 1))[0];
                 assert!((x - exact).abs() < 1e-3 * scale, "{x} for {exact}\n{text}");
             }
+        }
+    }
+}
+
+/// What rests and what saturates at a set point that steps where control intervals begin, with a control that pays: by two
+/// lowerings one optimum, which simulations with other controls do not contradict.
+#[test]
+fn plans_follow_set_points_that_step() {
+    let mut random = Random(1);
+    for _ in 0..PLANS {
+        let values: [f64; 3] = std::array::from_fn(|_| random.within(-1.0, 1.0));
+        let first = 1 + random.below(5);
+        let steps = [first, first + 1 + random.below(5)].map(|k| k as f64 / 4.0);
+        let step = format!(
+            "(if time < {} then {} else if time < {} then {} else {})",
+            steps[0], values[0], steps[1], values[1], values[2]
+        );
+        for law in [
+            format!("{step}*x - 0.15*sign(x - {step}/4)"),
+            format!("sat(2*({step} - x), -1, 1)"),
+        ] {
+            let optima = ["step", "stewart"].map(|lowering| {
+                let text = format!(
+                    "model m {{ state x = 1; control u in [-2, 2] = 0; x' = u + {law}; }}
+                     optimize o of m {{ horizon 3; intervals 12; elements 2; lower {lowering}; minimize integral(x^2 + 0.2*u^2); }}"
+                );
+                let found = optimum(&text, "o");
+                assert_eq!(found.status, Status::Solved, "{:?}\n{text}", found.failure);
+                found.objective.expect("a solution has an objective")
+            });
+            assert!((optima[0] - optima[1]).abs() < 1e-6, "{optima:?}, {law}");
         }
     }
 }
