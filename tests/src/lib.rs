@@ -191,7 +191,12 @@ pub fn agrees(optimum: &Trajectory, within: f64) {
 
 /// Compiles one problem of optimal control of a text, and solves it.
 pub fn optimum(text: &str, experiment: &str) -> Trajectory {
-    with_experiment(text, experiment, |compiled| {
+    optimum_with_data(text, &DataFiles::default(), experiment)
+}
+
+/// The same for a text with data beside it.
+pub fn optimum_with_data(text: &str, data: &DataFiles<'_>, experiment: &str) -> Trajectory {
+    with_data(text, &mut data.clone(), experiment, |compiled| {
         let settings = &compiled.settings;
         let task = settings.optimize.as_ref().expect("an optimization");
         let request = Request::default();

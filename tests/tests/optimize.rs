@@ -1,6 +1,6 @@
 //! Optimal control against closed forms.
 
-use nsd_tests::{DataFiles, solved_optimum, with_data, with_experiment};
+use nsd_tests::{DataFiles, optimum_with_data, solved_optimum, with_experiment};
 use nsdc::compile;
 use nsdc::diagnostics::Diagnostics;
 use nsdc::expr::Exprs;
@@ -163,31 +163,25 @@ fn integrals_know_the_time() {
 #[test]
 fn data_are_tracked() {
     let rows = |rows: &str| DataFiles(vec![("data.csv", format!("time,r\n{rows}"))]);
-    let follow = |fit: &str, model: &str, settings: &str, data: &mut DataFiles| {
+    let follow = |fit: &str, model: &str, settings: &str, data: &DataFiles| {
         let text = format!(
             "model m {{ signal r = table(\"data.csv\", \"r\", fit = {fit}); {model} }}
              optimize o of m {{ horizon 1; intervals 4; elements 2; {settings} }}"
         );
-        with_data(&text, data, "o", |compiled| {
-            let settings = &compiled.settings;
-            let task = settings.optimize.as_ref().expect("an optimization");
-            let request = Request::default();
-            let run = optimize::run(&compiled.system, settings, task, &[], &request, &mut ());
-            run.expect("the problem can be discretized").trajectory
-        })
+        optimum_with_data(&text, data, "o")
     };
     let found = follow(
         "linear",
         "state x = 0; control u = 0; x' = u;",
         "minimize integral((x - r)^2) + final((x - r)^2);",
-        &mut rows("0,0\n0.5,1\n0.75,3\n1,3\n"),
+        &rows("0,0\n0.5,1\n0.75,3\n1,3\n"),
     );
     close(objective(&found), 0.0, 1e-12);
     let found = follow(
         "hold",
         "param k in [-9, 9] = 0; state x = 0; x' = k - r;",
         "free { k; } minimize integral((k - r)^2) + 0*final(x);",
-        &mut rows("0,0\n0.5,1\n0.75,3\n"),
+        &rows("0,0\n0.5,1\n0.75,3\n"),
     );
     close(objective(&found), 1.5, 1e-9);
     // A switch on the data: -1 until they exceed 2 at 3/4, 1 behind.
@@ -195,7 +189,7 @@ fn data_are_tracked() {
         "hold",
         "state x = 0; control u in [-1, 1] = 0; x' = sign(r - 2) + 0*u;",
         "minimize integral(u^2) + final(x);",
-        &mut rows("0,0\n0.5,1\n0.75,3\n"),
+        &rows("0,0\n0.5,1\n0.75,3\n"),
     );
     close(objective(&found), -0.5, 1e-9);
 }

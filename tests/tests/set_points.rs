@@ -2,13 +2,15 @@
 
 use nsd_tests::random::Random;
 use nsd_tests::set_points::{Written, loops};
-use nsd_tests::{end, optimum, solved, times};
+use nsd_tests::{DataFiles, assert_near, end, optimum, optimum_with_data, solved, times};
 use nsdc::report::{EventKind, Status};
 
 /// Random loops that are programs.
 const SEEDS: u64 = 3;
 /// Random set points that a plan follows.
 const PLANS: usize = 3;
+/// Random limits of a plan.
+const ROWS: usize = 12;
 
 /// What looks for switches, with every lowering.
 const METHODS: [&str; 6] = [
@@ -162,5 +164,59 @@ fn plans_follow_set_points_that_step() {
             });
             assert!((optima[0] - optima[1]).abs() < 1e-6, "{optima:?}, {law}");
         }
+    }
+}
+
+/// The shortest line below points that ends in the first and the last of them: their lower convex hull (Andrew 1979). Of all
+/// x with these ends, x_k <= b_k and x' = u, it has the least ∫ u², which it gives.
+fn least_below(points: &[[f64; 2]]) -> f64 {
+    let slope = |a: [f64; 2], b: [f64; 2]| (b[1] - a[1]) / (b[0] - a[0]);
+    let mut hull: Vec<[f64; 2]> = Vec::new();
+    for &point in points {
+        while let [.., a, b] = hull[..]
+            && slope(a, b) >= slope(b, point)
+        {
+            hull.pop();
+        }
+        hull.push(point);
+    }
+    let square = |pair: &[[f64; 2]]| slope(pair[0], pair[1]).powi(2) * (pair[1][0] - pair[0][0]);
+    hull.windows(2).map(square).sum()
+}
+
+/// Limits and targets that step where control intervals and the horizon end are those before, in rows, in the objective, and
+/// in the simulations that confirm them, beside a relay at rest on what steps.
+#[test]
+fn rows_at_ends_of_intervals_have_data_of_before() {
+    let mut random = Random(3);
+    for _ in 0..ROWS {
+        let values: [f64; 4] = std::array::from_fn(|_| random.rounded(-1.0, 1.0));
+        let first = 1 + random.below(5);
+        // The last step is where the horizon ends.
+        let steps = [first, first + 1 + random.below(6), 12].map(|k| k as f64 / 4.0);
+        let data = format!(
+            "time,r\n0,{}\n{},{}\n{},{}\n{},{}\n",
+            values[0], steps[0], values[1], steps[1], values[2], steps[2], values[3]
+        );
+        let files = DataFiles(vec![("r.csv", data)]);
+        let before = |t: f64| values[steps.iter().filter(|&&step| step < t).count()];
+        let (start, above) = (random.rounded(-1.0, 1.0), random.rounded(0.0, 0.5));
+        let ends = (1..12).map(|k| f64::from(k) / 4.0);
+        let mut points = vec![[0.0, start]];
+        points.extend(ends.map(|t| [t, before(t) + above]));
+        points.push([3.0, before(3.0)]);
+        let exact = least_below(&points);
+        let text = format!(
+            "model m {{ state x = {start}; state w = {}; control u in [-20, 20] = 0;
+               signal r = table(\"r.csv\", \"r\", fit = hold); x' = u; w' = sign(r - w)/4; }}
+             optimize o of m {{ horizon 3; intervals 12; elements 2; minimize integral(u^2) + final((x - r)^2);
+               subject to {{ x <= r + {above}; }} at intervals; final {{ x = r; }} }}",
+            values[0]
+        );
+        let found = optimum_with_data(&text, &files, "o");
+        assert_eq!(found.status, Status::Solved, "{:?}\n{text}", found.failure);
+        assert!(found.warnings.is_empty(), "{:?}\n{text}", found.warnings);
+        let least = found.objective.expect("a solution has an objective");
+        assert_near(&[least], &[exact], 1e-7 * (1.0 + exact));
     }
 }

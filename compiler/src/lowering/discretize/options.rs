@@ -17,6 +17,18 @@ pub struct Grid {
     pub steps: usize,
 }
 
+impl Grid {
+    /// t_k = (k - 1) T/N from the start, where step k begins.
+    pub fn start_of(&self, k: usize) -> f64 {
+        self.start + self.horizon * (k - 1) as f64 / self.steps as f64
+    }
+
+    /// An instant inside of step k: data have their pieces there at both of its ends.
+    pub fn middle_of(&self, k: usize) -> f64 {
+        self.start_of(k) + 0.5 * self.horizon / self.steps as f64
+    }
+}
+
 /// How a step becomes rows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {

@@ -354,7 +354,9 @@ impl<'r, 'e> Reduced<'r, 'e> {
         })?;
         let system = &problem.system;
         let mut known = Known::new(problem, w);
-        known.set(system, horizon, &run.end);
+        let grid = problem.layout.grid(horizon);
+        let around = |time: f64, k: usize| [time, grid.middle_of(k)];
+        known.set(system, around(horizon, grid.steps), &run.end);
         known.decide(problem, w, problem.layout.steps, 1.0);
         let cost = self.cost.eval(&|var| known.value(var));
         let mut rows = vec![f64::NAN; self.rows.len()];
@@ -385,7 +387,7 @@ impl<'r, 'e> Reduced<'r, 'e> {
             penalty += missed(row, rows[i], 1.0, &known);
         }
         for (at, place) in self.places.iter().enumerate() {
-            known.set(system, instants[at], &run.at[at]);
+            known.set(system, around(instants[at], place.k), &run.at[at]);
             known.decide(problem, w, place.k, place.share);
             let length = ends[place.k] - ends[place.k - 1];
             for &i in &self.at_place[at] {
@@ -426,11 +428,12 @@ impl Known {
         Known { values }
     }
 
-    /// Time, states, α and data.
-    fn set(&mut self, system: &System, time: f64, row: &[f64]) {
+    /// Time, states, α and data, whose pieces are those of an instant inside of the interval.
+    fn set(&mut self, system: &System, [time, inside]: [f64; 2], row: &[f64]) {
         let vars = (system.states.iter().map(|state| state.var))
             .chain(system.switches.iter().map(|switch| switch.alpha));
-        let data = (system.exogenous.data.iter()).map(|data| (data.var, data.table.value(time)));
+        let data = system.exogenous.data.iter();
+        let data = data.map(|data| (data.var, data.table.piece(inside).value(time)));
         let all = vars.zip(row.iter().copied()).chain(data);
         self.values.extend(all.chain([(system.time, time)]));
     }

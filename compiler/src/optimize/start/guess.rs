@@ -184,9 +184,8 @@ impl Known<'_, '_> {
     ) {
         let Problem { layout, dcs, .. } = self.problem;
         let system = self.problem.lowered();
-        let middle = (k as f64 - 0.5) / layout.steps as f64;
-        let instants = [share, middle].map(|share| share * self.horizon);
-        let mut values = system.valuation_around(instants, &[], &[]);
+        let middle = layout.grid(self.horizon).middle_of(k);
+        let mut values = system.valuation_around([share * self.horizon, middle], &[], &[]);
         for (i, state) in system.states.iter().enumerate() {
             let started = layout.started(k, i).filter(|_| (j, m) == (1, 0));
             let value = match i < layout.n_states() {

@@ -333,7 +333,8 @@ fn fill(
             }
         }
         let known = |c: f64, row: &[f64]| {
-            let known = system.valuation(start + c * h, &row[..n], &[]);
+            let instants = [c, inside].map(|c| start + c * h);
+            let known = system.valuation_around(instants, &row[..n], &[]);
             move |var: Var| known.number(var)
         };
         let mut alphas = within[n..n + system.switches.len()].to_vec();

@@ -261,7 +261,7 @@ impl Problem<'_> {
         time: f64,
     ) -> Vec<f64> {
         let (layout, system) = (&self.layout, self.lowered());
-        let middle = (k as f64 - 0.5) / layout.steps as f64 * point.horizon;
+        let middle = layout.grid(point.horizon).middle_of(k);
         let mut known = system.valuation_around([time, middle], &[], &[]);
         for (i, state) in system.states.iter().enumerate() {
             let started = element.started.get(i).copied().flatten();

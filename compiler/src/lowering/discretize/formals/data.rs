@@ -69,20 +69,26 @@ impl<'p, 'e> Data<'p, 'e> {
     /// The functions in the time.
     pub fn at(&self, time: Expr<'e>) -> impl Iterator<Item = (Var, Expr<'e>)> {
         self.functions.iter().map(move |function| {
-            let since = time - function.start;
-            let terms = (0..).zip(&function.coefficients);
-            let terms = terms.map(|(i, &c)| if i == 0 { c } else { c * since.powi(i) });
-            (variable(function.data.var), time.exprs().sum(terms))
+            let around = polynomial(&function.coefficients, time - function.start);
+            (variable(function.data.var), around)
         })
     }
 
-    /// The functions at an instant of the horizon, which is known.
-    pub fn at_instant(&self, instant: f64) -> impl Iterator<Item = (Var, Expr<'e>)> {
+    /// The functions at an end of the horizon: the pieces of the step that begins or ends there.
+    pub fn at_end_of(&self, step: usize, time: Expr<'e>) -> impl Iterator<Item = (Var, Expr<'e>)> {
+        let number = move |value| time.exprs().constant(value);
+        let since = time - number(self.grid.start_of(step));
         self.functions.iter().map(move |function| {
-            let value = function.data.table.value(instant);
-            let value = function.start.exprs().constant(value);
-            (variable(function.data.var), value)
+            let around = self.piece(function, step).into_iter().map(number);
+            let around = polynomial(&around.collect::<Vec<_>>(), since);
+            (variable(function.data.var), around)
         })
+    }
+
+    /// The polynomial of a step around its start: the piece of its middle.
+    fn piece(&self, function: &Function<'p, 'e>, step: usize) -> Vec<f64> {
+        let piece = function.data.table.piece(self.grid.middle_of(step));
+        piece.around(self.grid.start_of(step))
     }
 
     /// Binds the polynomials at places of step `step`.
@@ -91,23 +97,22 @@ impl<'p, 'e> Data<'p, 'e> {
         mut block: Builder<N>,
         step: impl Fn([usize; N]) -> usize,
     ) -> Builder<N> {
-        let Grid {
-            start: from,
-            horizon,
-            steps,
-        } = self.grid;
-        let start = |place| from + horizon * (step(place) - 1) as f64 / steps as f64;
         for function in &self.functions {
-            block = block.number(function.start, start);
+            block = block.number(function.start, |place| self.grid.start_of(step(place)));
             for (i, &c) in function.coefficients.iter().enumerate() {
                 block = block.number(c, |place| {
-                    // The piece of the middle is that of the step.
-                    let middle = start(place) + 0.5 * horizon / steps as f64;
-                    let around = function.data.table.piece(middle).around(start(place));
+                    let around = self.piece(function, step(place));
                     around.get(i).copied().unwrap_or(0.0)
                 });
             }
         }
         block
     }
+}
+
+/// Σ_i c_i sⁱ.
+fn polynomial<'e>(c: &[Expr<'e>], s: Expr<'e>) -> Expr<'e> {
+    let terms = (0..).zip(c);
+    let terms = terms.map(|(i, &c)| if i == 0 { c } else { c * s.powi(i) });
+    s.exprs().sum(terms)
 }

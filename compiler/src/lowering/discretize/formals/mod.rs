@@ -134,7 +134,7 @@ impl<'p, 'e> Formals<'p, 'e> {
     pub fn at_start(&self, value: Expr<'e>) -> Expr<'e> {
         let zero = self.dcs.exprs.constant(0.0);
         let mut values = Substitution::one(variable(self.dcs.time), zero);
-        for (data, value) in self.data.at_instant(0.0) {
+        for (data, value) in self.data.at_end_of(1, zero) {
             values.insert(data, value);
         }
         value.substitute(&values)
@@ -143,7 +143,7 @@ impl<'p, 'e> Formals<'p, 'e> {
     /// A value at t = T, with the controls there.
     pub fn at_end(&self, value: Expr<'e>) -> Expr<'e> {
         let mut values = Substitution::one(variable(self.dcs.time), self.horizon);
-        for (data, value) in self.data.at_instant(self.grid.horizon) {
+        for (data, value) in self.data.at_end_of(self.grid.steps, self.horizon) {
             values.insert(data, value);
         }
         let controls = self.dcs.task.iter().flat_map(|task| &task.controls);
