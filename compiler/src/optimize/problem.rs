@@ -64,11 +64,7 @@ impl<'e> Problem<'e> {
         let lowered = frozen.as_ref().map_or(system, |frozen| &frozen.system);
         let dcs = dcs::lower(lowered, &settings.numerics.lowerings)
             .expect("the lowering has been checked");
-        let grid = Grid {
-            start: 0.0,
-            horizon: settings.horizon,
-            steps: task.discretization.intervals,
-        };
+        let grid = Grid::new(settings.horizon, task.discretization.intervals);
         let (mpcc, layout) = discretize(&dcs, grid, &discretize::Options::optimize(task))?;
         let (program, open) = match given {
             Given::Numbers => (mpcc.program(), &[][..]),

@@ -213,11 +213,7 @@ fn discretization(settings: &Settings<'_>) -> (Grid, discretize::Options) {
         }
         _ => (None, discretize::Options::fesd(&FesdOptions::default())),
     };
-    let grid = Grid {
-        start: 0.0,
-        horizon: settings.horizon,
-        steps: steps.unwrap_or(STEPS),
-    };
+    let grid = Grid::new(settings.horizon, steps.unwrap_or(STEPS));
     (grid, options)
 }
 

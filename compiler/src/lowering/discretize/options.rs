@@ -18,6 +18,15 @@ pub struct Grid {
 }
 
 impl Grid {
+    /// N steps from t = 0 on.
+    pub const fn new(horizon: f64, steps: usize) -> Self {
+        Grid {
+            start: 0.0,
+            horizon,
+            steps,
+        }
+    }
+
     /// t_k = (k - 1) T/N from the start, where step k begins.
     pub fn start_of(&self, k: usize) -> f64 {
         self.start + self.horizon * (k - 1) as f64 / self.steps as f64

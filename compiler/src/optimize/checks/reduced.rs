@@ -8,6 +8,7 @@ use nsd_solver::integrate::tableau::Tableau;
 use super::solved;
 use crate::expr::{Evaluator, Var};
 use crate::limit::Limit;
+use crate::lowering::discretize::Grid;
 use crate::optimize::Problem;
 use crate::system::experiment::At;
 use crate::system::task::{Holds, Lengths, Norm, Penalty, Shape, TaskRow};
@@ -354,7 +355,7 @@ impl<'r, 'e> Reduced<'r, 'e> {
         })?;
         let system = &problem.system;
         let mut known = Known::new(problem, w);
-        let grid = problem.layout.grid(horizon);
+        let grid = Grid::new(horizon, problem.layout.steps);
         let around = |time: f64, k: usize| [time, grid.middle_of(k)];
         known.set(system, around(horizon, grid.steps), &run.end);
         known.decide(problem, w, problem.layout.steps, 1.0);

@@ -6,6 +6,7 @@
 
 use crate::expr::{Expr, Var};
 use crate::lowering::dcs::solve_pointwise;
+use crate::lowering::discretize::Grid;
 use crate::optimize::Problem;
 use crate::report::{Samples, Series};
 
@@ -184,7 +185,7 @@ impl Known<'_, '_> {
     ) {
         let Problem { layout, dcs, .. } = self.problem;
         let system = self.problem.lowered();
-        let middle = layout.grid(self.horizon).middle_of(k);
+        let middle = Grid::new(self.horizon, layout.steps).middle_of(k);
         let mut values = system.valuation_around([share * self.horizon, middle], &[], &[]);
         for (i, state) in system.states.iter().enumerate() {
             let started = layout.started(k, i).filter(|_| (j, m) == (1, 0));

@@ -8,7 +8,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::lowering::dcs::solve_in_mode;
-use crate::lowering::discretize::Layout;
+use crate::lowering::discretize::{Grid, Layout};
 use crate::optimize::Problem;
 use crate::system::task::Shape;
 
@@ -261,7 +261,7 @@ impl Problem<'_> {
         time: f64,
     ) -> Vec<f64> {
         let (layout, system) = (&self.layout, self.lowered());
-        let middle = layout.grid(point.horizon).middle_of(k);
+        let middle = Grid::new(point.horizon, layout.steps).middle_of(k);
         let mut known = system.valuation_around([time, middle], &[], &[]);
         for (i, state) in system.states.iter().enumerate() {
             let started = element.started.get(i).copied().flatten();

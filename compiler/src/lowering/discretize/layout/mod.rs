@@ -9,7 +9,6 @@ pub(crate) use given::fixed_params;
 
 use nsd_solver::fesd::jumps::Element;
 
-use super::options::Grid;
 use crate::lowering::mpcc::Span;
 use crate::system::task::Shape;
 
@@ -137,15 +136,6 @@ impl Layout {
     /// h_kj.
     pub fn h(&self, k: usize, j: usize) -> usize {
         self.lengths + self.element(k, j)
-    }
-
-    /// The steps of a horizon, which are as long as each other.
-    pub fn grid(&self, horizon: f64) -> Grid {
-        Grid {
-            start: 0.0,
-            horizon,
-            steps: self.steps,
-        }
     }
 
     /// The number of scalar states.

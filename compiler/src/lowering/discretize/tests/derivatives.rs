@@ -42,11 +42,7 @@ fn for_each(mut check: impl FnMut(&Mpcc)) {
                     equilibration,
                     ..Detection::default()
                 };
-                let grid = Grid {
-                    start: 0.0,
-                    horizon: 1.0,
-                    steps: 1,
-                };
+                let grid = Grid::new(1.0, 1);
                 let options = options(scheme, detection);
                 check(&discretized(&system, formulation, grid, &options).0);
             }

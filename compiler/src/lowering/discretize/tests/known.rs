@@ -62,11 +62,7 @@ fn entry() -> Known {
                 alpha: |_| 0.5,
             },
         ],
-        grid: Grid {
-            start: 0.0,
-            horizon: 2.0,
-            steps: 2,
-        },
+        grid: Grid::new(2.0, 2),
         lengths: vec![vec![0.3, 0.35, 0.35], vec![1.0 / 3.0; 3]],
         degree: 1,
     }
@@ -92,11 +88,7 @@ fn crossing() -> Known {
                 alpha: |_| 1.0,
             },
         ],
-        grid: Grid {
-            start: 0.0,
-            horizon: 2.0,
-            steps: 1,
-        },
+        grid: Grid::new(2.0, 1),
         lengths: vec![vec![0.6, 0.7, 0.7]],
         degree: 1,
     }
@@ -136,11 +128,7 @@ fn entry_and_exit() -> Known {
                 alpha: |_| 1.0,
             },
         ],
-        grid: Grid {
-            start: 0.0,
-            horizon: 2.0,
-            steps: 1,
-        },
+        grid: Grid::new(2.0, 1),
         lengths: vec![vec![0.25, 0.375, 0.375, 0.5, 0.5]],
         degree: 2,
     }

@@ -44,11 +44,7 @@ fn what_does_not_fit_into_memory_is_refused() {
     let exprs = crate::expr::Exprs::new();
     let fixture = crate::lowering::dcs::fixtures::relay(&exprs);
     let dcs = lower_as(&fixture.system, Formulation::Step).unwrap();
-    let grid = Grid {
-        start: 0.0,
-        horizon: 1.0,
-        steps: 100_000_000,
-    };
+    let grid = Grid::new(1.0, 100_000_000);
     let options = options((Family::RadauIia, 4), Detection::default());
     let error = discretize(&dcs, grid, &options).unwrap_err();
     assert!(matches!(error, DiscretizeError::TooLarge { size } if size > 1e9));
@@ -62,11 +58,7 @@ fn a_start_without_values_is_refused() {
     let alpha = b.switch("1/x", 1.0 / b.states[0]);
     let mut system = b.finish(&[1.0 + alpha], &[(&[0], None)]).system;
     system.states[0].initial = 0.0;
-    let grid = Grid {
-        start: 0.0,
-        horizon: 1.0,
-        steps: 1,
-    };
+    let grid = Grid::new(1.0, 1);
     let options = options((Family::RadauIia, 2), Detection::default());
     for formulation in FORMULATIONS {
         let dcs = lower_as(&system, formulation).unwrap();
@@ -80,11 +72,7 @@ fn a_start_without_values_is_refused() {
 fn rows_know_where_they_come_from() {
     let exprs = crate::expr::Exprs::new();
     let system = crate::lowering::dcs::fixtures::two_relays(&exprs).system;
-    let grid = Grid {
-        start: 0.0,
-        horizon: 1.0,
-        steps: 3,
-    };
+    let grid = Grid::new(1.0, 3);
     let options = options((Family::RadauIia, 2), Detection::default());
     let (mpcc, layout) = discretized(&system, Formulation::Step, grid, &options);
     let names = mpcc.names();
@@ -123,11 +111,7 @@ fn broken<'e>(mpcc: &Mpcc<'e>, change: impl FnOnce(&mut Mpcc<'e>)) -> String {
 fn broken_invariants_are_found() {
     let exprs = crate::expr::Exprs::new();
     let system = crate::lowering::dcs::fixtures::relay(&exprs).system;
-    let grid = Grid {
-        start: 0.0,
-        horizon: 1.0,
-        steps: 2,
-    };
+    let grid = Grid::new(1.0, 2);
     let options = options((Family::RadauIia, 2), Detection::default());
     let (mpcc, _) = discretized(&system, Formulation::Stewart, grid, &options);
     let gap = broken(&mpcc, |mpcc| drop(mpcc.variables.remove(1)));

@@ -7,11 +7,7 @@ use crate::expr::Exprs;
 use crate::lowering::dcs::fixtures;
 use crate::lowering::dcs::fixtures::Fixture;
 
-const GRID: Grid = Grid {
-    start: 0.0,
-    horizon: 1.0,
-    steps: 10,
-};
+const GRID: Grid = Grid::new(1.0, 10);
 
 fn printed(make: fn(&Exprs) -> Fixture<'_>, formulation: Formulation, options: &Options) -> String {
     let exprs = Exprs::new();
@@ -326,11 +322,7 @@ fn rows_one_by_one() {
     let exprs = Exprs::new();
     let system = fixtures::relay(&exprs).system;
     let options = options((Family::RadauIia, 1), Detection::default());
-    let grid = Grid {
-        start: 0.0,
-        horizon: 1.0,
-        steps: 1,
-    };
+    let grid = Grid::new(1.0, 1);
     let (mpcc, _) = discretized(&system, Formulation::Step, grid, &options);
     assert_snapshot!(mpcc.flat(), @"
     collocation[1,1,1]: 0 = -h[1,1]*(3 - 2*alpha[x][1,1,1]) - x[1,1,0] + x[1,1,1]

@@ -82,11 +82,7 @@ pub(crate) fn program(
         }),
         ..options
     };
-    let grid = Grid {
-        start: 0.0,
-        horizon: 1.0,
-        steps: 1,
-    };
+    let grid = Grid::new(1.0, 1);
     let (mut mpcc, layout) = discretize(&dcs, grid, &options).ok()?;
     let continuous: Vec<(usize, usize)> = layout.algebraics.fixed_at_start().collect();
     for &(index, _) in &continuous {
