@@ -2,6 +2,7 @@
 
 use std::f64::consts::PI;
 
+use nsd_tests::random::Random;
 use nsd_tests::{DataFiles, end, fitted_order, run, run_with_data, solved, times};
 use nsdc::report::{EventKind, Status};
 
@@ -16,6 +17,9 @@ const GRIDS: [[usize; 3]; 2] = [[8, 16, 32]; 2];
 
 /// Smoothing of two widths has order 1 where a mode is followed.
 const FIRST: ([f64; 2], f64) = ([1e-3, 1e-4], 1.0);
+
+/// Random models that data move.
+const MOVED: usize = 60;
 
 /// All roads lead to `exact`: Radau IIA with s nodes by order 2s - 1, and smoothing by one of its own.
 fn agree(
@@ -277,6 +281,56 @@ fn a_signal_from_data_moves_what_slides() {
         );
         let v = 0.5 * (3.018145824447 + 3.5) * (2.0 - folds) + 3.5 - (3.0 - folds);
         assert!((end(&found, "v")[0] - v).abs() < 1e-9, "{method}");
+    }
+}
+
+/// Random data that jump, bend and turn while one or two nonlinear switches cross, slide, and are torn loose in folds: from
+/// event to event and by finite elements alike.
+#[test]
+fn data_move_what_slides_alike() {
+    let mut random = Random(5);
+    for _ in 0..MOVED {
+        let fit = random.of(&["hold", "hold", "linear", "cubic"]);
+        let rows: String = [0.0, 0.7, 1.5, 2.2, 3.0]
+            .map(|t| format!("{t},{}\n", random.rounded(-1.0, 1.0)))
+            .concat();
+        let data = DataFiles(vec![("push.csv", format!("time,r\n{rows}"))]);
+        let [c0, c1, c2, c3, by, own, other, push]: [f64; 8] = [
+            (-0.5, 0.5),
+            (-1.5, 0.8),
+            (-1.0, 1.0),
+            (-2.0, 2.0),
+            (-1.0, 1.0),
+            (-1.2, -0.3),
+            (-0.5, 0.5),
+            (-1.0, 1.0),
+        ]
+        .map(|(lo, hi)| random.rounded(lo, hi));
+        let second = match random.below(2) {
+            0 => String::new(),
+            _ => format!(
+                "state y = {}; switch q = sign(y) sliding nonlinear; y' = {own}*q + ({other})*s + ({push})*r; z' += {by}*q;",
+                random.rounded(-0.5, 0.5)
+            ),
+        };
+        let model = format!(
+            "model m {{ signal r = table(\"push.csv\", \"r\", fit = {fit}); state x = {}; state z = 0;
+               switch s = sign(x) sliding nonlinear; x' = {c0} + ({c1})*s + ({c2})*s^2 + ({c3})*s^3 + r; z' = s; {second} }}",
+            random.rounded(-0.5, 0.5)
+        );
+        let ends = ["event", "fesd"].map(|method| {
+            let text = format!("{model}\nsimulate run of m {{ horizon 3; method {method}; }}");
+            let found = run_with_data(&text, &data, "run");
+            let failure = &found.failure;
+            assert_eq!(found.status, Status::Solved, "{failure:?}\n{text}\n{rows}");
+            [end(&found, "x")[0], end(&found, "z")[0]]
+        });
+        let [events, elements] = &ends;
+        let differ = events
+            .iter()
+            .zip(elements)
+            .any(|(a, b)| (a - b).abs() > 1e-6);
+        assert!(!differ, "{ends:?}\n{model}\n{rows}");
     }
 }
 

@@ -138,7 +138,8 @@ impl Folds {
         hidden.rate_of_w(reduced, rates, by_time).ok()?;
         let size = |k: &usize| by_time[*k].abs();
         let unknown = (0..w.len()).max_by(|a, b| size(a).total_cmp(&size(b)))?;
-        let step = ASIDE / size(&unknown);
+        let rate = by_time[unknown];
+        let step = ASIDE / rate.abs();
         if !step.is_finite() {
             return None;
         }
@@ -149,10 +150,17 @@ impl Folds {
         hidden.set(place.t + step, x, w);
         let there = hidden.determinant(reduced);
         let distance = ASIDE * here / (here - there);
-        (distance > 0.0 && distance <= ZONE).then_some(Ahead {
+        if !(distance > 0.0 && distance <= ZONE) {
+            return None;
+        }
+        rates.clear();
+        rates.extend(hidden.eval(&reduced.equations.tape).take(place.x.len()));
+        hidden.rate_of_w(reduced, rates, by_time).ok()?;
+        // α that slows down may turn before the fold: towards it, it becomes faster.
+        (by_time[unknown] / rate >= 1.0).then_some(Ahead {
             unknown,
-            rises: by_time[unknown] > 0.0,
-            speed: 1.0 / size(&unknown),
+            rises: rate > 0.0,
+            speed: 1.0 / rate.abs(),
             distance,
         })
     }

@@ -488,12 +488,13 @@ impl<'s> Simulator<'s> {
         observer: &mut dyn Observer,
     ) -> Result<(), Status> {
         let before = self.modes.sides(run.place.mode).into();
+        let switches = self.selection.before_breakpoint(&mut self.modes, run);
         // The instant may be just ahead, by rounding.
         let from = run.place.t.max(run.until);
         self.load(run, from);
         run.place.go_to(from);
         self.selection
-            .pass_breakpoint(&mut self.modes, run, length)?;
+            .pass_breakpoint(switches, &mut self.modes, run, length)?;
         run.lengths.last = 0.0;
         self.tell_change(run, before, observer)
     }

@@ -48,18 +48,18 @@ impl Guided<'_> {
         self.ask(directional, run, Some((&sides, &alpha)), &triggers, bands)
     }
 
-    /// The set that goes on where functions of time do with other pieces, on which no ψ depends: what slides may
-    /// slide otherwise.
+    /// The set that goes on where functions of time do with other pieces, on which no ψ depends: what slides, with α of
+    /// the pieces before, may slide otherwise. λ is computed anew from x.
     pub fn pass(
         &mut self,
         directional: &mut Directional,
-        modes: &mut Modes,
-        run: &mut Run,
+        (sides, alpha): (Box<[Side]>, Vec<f64>),
+        (modes, run): (&Modes, &mut Run),
         bands: &Bands,
     ) -> Result<Choice, Status> {
-        let (sides, alpha) = modes.switches(run);
         let slides = (0..sides.len()).filter(|&i| sides[i] == Side::Slide);
         let triggers: Vec<usize> = slides.collect();
+        run.place.z = bands.system.z_at(run.place.point(&modes.numbers), &[]);
         self.ask(directional, run, Some((&sides, &alpha)), &triggers, bands)
     }
 

@@ -109,19 +109,29 @@ impl<'s> Selection<'s> {
         self.select_from(modes, run, &bands)
     }
 
+    /// Sides and α where pieces of data end, as far as what goes on depends on them.
+    pub fn before_breakpoint(
+        &self,
+        modes: &mut Modes,
+        run: &Run,
+    ) -> Option<(Box<[Side]>, Vec<f64>)> {
+        self.guided.is_some().then(|| modes.switches(run))
+    }
+
     /// Goes on from a breakpoint: what depends on data may jump there, λ with it, and is computed anew
-    /// from x; the set that goes on is found as at the start.
+    /// from x; the set that goes on is found as at the start, or from sides and α before.
     pub fn pass_breakpoint(
         &mut self,
+        before: Option<(Box<[Side]>, Vec<f64>)>,
         modes: &mut Modes,
         run: &mut Run,
         length: f64,
     ) -> Result<(), Status> {
-        let Some(guided) = &mut self.guided else {
+        let (Some(guided), Some(before)) = (&mut self.guided, before) else {
             return self.begin_led(modes, run, Vec::new(), length);
         };
         let bands = Bands::at(modes, run, length);
-        let choice = guided.pass(&mut self.directional, modes, run, &bands)?;
+        let choice = guided.pass(&mut self.directional, before, (modes, run), &bands)?;
         self.take(modes, run, choice, &bands)
     }
 
