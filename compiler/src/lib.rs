@@ -167,7 +167,7 @@ fn compile_one<'e>(
         resolved(exprs, file, (home, name), &with, diags)
     })?;
     clock.time("system", || {
-        let settings =
+        let mut settings =
             system::experiment::evaluate(&model, experiment, (overrides, &file.data), diags)?;
         missing_guesses(file, &settings, diags)?;
         model::check_experiment(file, home, definition, experiment, overrides, diags)?;
@@ -183,6 +183,7 @@ fn compile_one<'e>(
             return frozen(model, settings, system, diags);
         }
         pass(refused_switches(&system, &settings), diags)?;
+        optimize::steps::begin_intervals(&system, &mut settings);
         let system = discretizable(system, &settings, diags)?;
         pass(refused_impulses(&system, &settings), diags)?;
         Some(Compiled {

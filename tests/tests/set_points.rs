@@ -220,3 +220,22 @@ fn rows_at_ends_of_intervals_have_data_of_before() {
         assert_near(&[least], &[exact], 1e-7 * (1.0 + exact));
     }
 }
+
+/// Where no number of intervals is given they begin with all steps of time: u = r has no cost.
+#[test]
+fn intervals_begin_where_time_steps() {
+    for [a, b] in [[0.25, 1.5], [3.0 / 7.0, 2.0], [0.6, 2.85], [1.4, 5.8 / 3.0]] {
+        let files = DataFiles(vec![("r.csv", format!("time,r\n0,1\n{a},-1\n{b},0.5\n"))]);
+        let cases = format!("let r = if time < {a} then 1 else if time < {b} then -1 else 0.5;");
+        for r in ["signal r = table(\"r.csv\", \"r\", fit = hold);", &cases] {
+            let text = format!(
+                "model m {{ {r} state x = 0; control u in [-2, 2]; x' = u; }}
+                 optimize o of m {{ horizon 3; minimize integral((u - r)^2); }}"
+            );
+            let found = optimum_with_data(&text, &files, "o");
+            assert_eq!(found.status, Status::Solved, "{:?}\n{text}", found.failure);
+            let least = found.objective.expect("a solution has an objective");
+            assert_near(&[least], &[0.0], 1e-12);
+        }
+    }
+}

@@ -26,6 +26,7 @@ pub(crate) mod progress;
 pub(crate) mod receding;
 mod record;
 pub(crate) mod start;
+pub(crate) mod steps;
 
 use std::time::Duration;
 

@@ -9,15 +9,13 @@ use nsd_solver::optimization::scaling::Sizes;
 use super::checks::runs::Runs;
 use super::moved::Moved;
 use super::start::products::products;
-use crate::expr::Var;
+use super::steps;
 use crate::lowering::dcs::Dcs;
 use crate::lowering::discretize::{DiscretizeError, Grid, Layout, discretize};
-use crate::lowering::hybrid::variable;
 use crate::lowering::mpcc::{Mpcc, Program};
 use crate::lowering::{dcs, discretize};
-use crate::simulate::schedule;
 use crate::system::System;
-use crate::system::experiment::{Lengths, Optimize, Settings};
+use crate::system::experiment::{Optimize, Settings};
 use crate::system::freezing::{Frozen, freeze};
 
 /// What initial values are in a program: which member of a pair is a variable may depend on them.
@@ -56,7 +54,7 @@ impl<'e> Problem<'e> {
         task: &Optimize<'e>,
         given: Given<'_>,
     ) -> Result<Self, DiscretizeError> {
-        let system = &held(system, settings, task, given);
+        let system = &steps::held(system, settings, task, given);
         let frozen = settings.freezes().then(|| {
             let frozen = freeze(system, settings.pace());
             frozen.expect("compilation has checked that the system can be frozen")
@@ -104,34 +102,6 @@ impl<'e> Problem<'e> {
             None => &self.system,
         }
     }
-}
-
-/// The system with data in place of switches of time, as far as they change at ends of control intervals alone: there is
-/// nothing to detect.
-fn held<'e>(
-    system: &System<'e>,
-    settings: &Settings<'e>,
-    task: &Optimize<'e>,
-    given: Given<'_>,
-) -> System<'e> {
-    let grid = &task.discretization;
-    let is_known = task.horizon.is_none() && grid.lengths == Lengths::Equal;
-    if settings.freezes() || !is_known {
-        return system.clone();
-    }
-    let open = match given {
-        Given::Numbers => &[][..],
-        Given::Inputs(params) => params,
-    };
-    let open = system
-        .exogenous
-        .chosen(open)
-        .map(|param| variable(param.var));
-    let free = task.params.iter().map(|free| free.var);
-    let controls = system.task.iter().flat_map(|task| &task.controls);
-    let controls = controls.map(|control| variable(control.var));
-    let inputs: Vec<Var> = open.chain(free).chain(controls).collect();
-    schedule::held(system, settings.horizon, grid.intervals, inputs)
 }
 
 /// What errors of an objective are measured by: itself, or where that is nearly zero, what its derivatives make of the sizes

@@ -55,7 +55,7 @@ use cross::Pairs;
 use dynamics::Dynamics;
 pub use error::{DiscretizeError, check_given};
 use formals::Formals;
-pub use formals::{beginning, inside};
+pub use formals::{beginning, ends, inside};
 pub use impulses::WINDOW;
 pub use layout::Layout;
 pub(crate) use layout::ends::End;

@@ -51,33 +51,13 @@ pub(crate) fn held<'e>(
     system: &System<'e>,
     horizon: f64,
     steps: usize,
-    mut inputs: Vec<Var>,
+    inputs: Vec<Var>,
 ) -> System<'e> {
-    let partitions = &system.coupling.partitions;
-    let mut known = Vec::new();
-    for (k, is_timed) in system.timed().into_iter().enumerate() {
-        let switch = &system.switches[k];
-        let read = variables_of(&[switch.psi]);
-        let is_known = is_timed
-            && !inputs.iter().any(|input| read.contains(input))
-            && !partitions.iter().any(|p| p.switches.contains(&k));
-        match is_known {
-            true => known.push(k),
-            false => inputs.push(variable(switch.alpha)),
-        }
-    }
-    let data = system.exogenous.data.iter();
-    let data = data.filter(|data| data.table.fit == Fit::Hold);
-    let constants: Vec<Var> = data.map(|data| variable(data.var)).collect();
-    let is_constant = |switch: usize| {
-        let mut read = variables_of(&[system.switches[switch].psi]).into_iter();
-        read.all(|var| constants.contains(&var))
-    };
-    let changes = |switch: usize, times: Vec<f64>| {
+    let changes = |_, times: Vec<f64>| {
         let begin = |t: f64| beginning(t, horizon, steps);
-        let begins: Option<Vec<f64>> = times.into_iter().map(begin).collect();
-        begins.filter(|_| !is_constant(switch))
+        times.into_iter().map(begin).collect()
     };
+    let known = known(system, inputs);
     let Some((mut held, steps)) = replaced(system, horizon, known, changes) else {
         return system.clone();
     };
@@ -91,6 +71,35 @@ pub(crate) fn held<'e>(
     held
 }
 
+/// When switches change that may be data by [`held`].
+pub(crate) fn instants(system: &System, horizon: f64, inputs: Vec<Var>) -> Vec<f64> {
+    let changes = changes(system, horizon, known(system, inputs));
+    let sides = changes.map_or_else(Vec::new, |changes| changes.sides);
+    sides.into_iter().map(|(time, _)| time).collect()
+}
+
+/// The switches of time that are known before a run, and are not constant from one step of data that are held to the next.
+fn known(system: &System, mut inputs: Vec<Var>) -> Vec<usize> {
+    let partitions = &system.coupling.partitions;
+    let data = system.exogenous.data.iter();
+    let data = data.filter(|data| data.table.fit == Fit::Hold);
+    let constants: Vec<Var> = data.map(|data| variable(data.var)).collect();
+    let mut known = Vec::new();
+    for (k, is_timed) in system.timed().into_iter().enumerate() {
+        let switch = &system.switches[k];
+        let read = variables_of(&[switch.psi]);
+        let is_known = is_timed
+            && !inputs.iter().any(|input| read.contains(input))
+            && !partitions.iter().any(|p| p.switches.contains(&k));
+        match is_known {
+            true => known.push((k, read)),
+            false => inputs.push(variable(switch.alpha)),
+        }
+    }
+    known.retain(|(_, read)| !read.iter().all(|var| constants.contains(var)));
+    known.into_iter().map(|(k, _)| k).collect()
+}
+
 /// The system with data in place of those of the switches of time that are to be replaced, and these with their data: `kept`
 /// gives the instants that are taken for those at which one changes. None where there are none, or they have no end of changes
 /// within the horizon. A switch keeps its own α, by which it is told.
@@ -100,9 +109,6 @@ fn replaced<'e>(
     switches: Vec<usize>,
     kept: impl Fn(usize, Vec<f64>) -> Option<Vec<f64>>,
 ) -> Option<(System<'e>, Vec<(usize, Expr<'e>)>)> {
-    if switches.is_empty() {
-        return None;
-    }
     let changes = changes(system, horizon, switches)?;
     let mut replaced = system.clone();
     let mut found = Vec::new();
@@ -204,6 +210,9 @@ impl Observer for Changes {
 
 /// When these switches of time change, which read no others, by a run from event to event in which nothing else does.
 fn changes(system: &System, horizon: f64, switches: Vec<usize>) -> Option<Changes> {
+    if switches.is_empty() {
+        return None;
+    }
     let clock = State {
         name: String::new(),
         var: system.exprs.variable("still"),

@@ -37,19 +37,17 @@ pub fn beginning(t: f64, horizon: f64, steps: usize) -> Option<f64> {
     ((place - k).abs() <= TOGETHER).then(|| horizon * k / steps as f64)
 }
 
+/// Where pieces end before an instant.
+pub fn ends(table: &Table, before: f64) -> impl Iterator<Item = f64> {
+    let next = move |t: f64| Some(table.piece(t).end).filter(|&end| end < before);
+    std::iter::successors(next(0.0), move |&t| next(t))
+}
+
 /// Where a piece begins inside a step of a horizon that is known, or anywhere in one that is not.
 pub fn inside(table: &Table, horizon: (f64, f64), steps: usize) -> Option<f64> {
     let (shortest, longest) = horizon;
-    let mut t = 0.0;
-    loop {
-        t = table.piece(t).end;
-        if t >= longest {
-            return None;
-        }
-        if shortest < longest || beginning(t, longest, steps).is_none() {
-            return Some(t);
-        }
-    }
+    let mut ends = ends(table, longest);
+    ends.find(|&t| shortest < longest || beginning(t, longest, steps).is_none())
 }
 
 impl<'p, 'e> Data<'p, 'e> {

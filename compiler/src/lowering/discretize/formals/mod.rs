@@ -10,7 +10,7 @@ pub(crate) mod block;
 mod data;
 
 use data::Data;
-pub use data::{beginning, inside};
+pub use data::{beginning, ends, inside};
 
 use super::layout::Layout;
 use super::{DiscretizeError, Grid};

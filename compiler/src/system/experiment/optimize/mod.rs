@@ -65,6 +65,8 @@ pub struct Optimize<'e> {
 pub struct Discretization {
     /// Control intervals N.
     pub intervals: usize,
+    /// Whether nothing is said of N.
+    pub by_default: bool,
     /// Finite elements per interval.
     pub elements: usize,
     /// Whether switches get to their ends; else they have equal lengths.

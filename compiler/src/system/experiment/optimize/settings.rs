@@ -117,6 +117,7 @@ impl<'m, 'e> Draft<'m, 'e> {
             words: Words::new(model),
             discretization: Discretization {
                 intervals: 20,
+                by_default: true,
                 elements: 2,
                 detects: true,
                 scheme: (Family::RadauIia, 3),
@@ -149,6 +150,7 @@ impl<'m, 'e> Draft<'m, 'e> {
             SettingKind::FreeIntervals(value) => {
                 reader.once("`intervals`", span);
                 self.refines.get_or_insert(false);
+                self.discretization.by_default = false;
                 let count = reader.count("`intervals`", value, MOST_INTERVALS);
                 self.discretization.intervals = count.unwrap_or(1);
                 self.discretization.lengths = match count {
@@ -318,6 +320,7 @@ impl<'m, 'e> Draft<'m, 'e> {
             "intervals" => {
                 reader.once("`intervals`", span);
                 self.refines.get_or_insert(false);
+                grid.by_default = false;
                 if let Some((count, lengths)) = intervals(reader, value) {
                     (grid.intervals, grid.lengths) = (count, lengths);
                 }
