@@ -247,6 +247,28 @@ fn a_tangential_exit_is_exact() {
     assert!(least < 1e-11, "{least:e}");
 }
 
+/// x' = ±(1 + p(t - 1)) - sign(x) slides up to t = 1, where α comes to its bound. It leaves with x = ∫ p behind it, whether α
+/// passes the bound steeply, hardly at all, or like a cube, and stays where α only touches it.
+#[test]
+fn sliding_ends_where_its_bound_is_passed() {
+    let slopes = [1.0, 0.3, 1e-2, 1e-4, 1e-6].map(|s| (format!("{s}*(time - 1)"), 2.0 * s));
+    let others = [
+        ("0.5*(time - 1) + 0.3*(time - 1)^2".to_owned(), 1.8),
+        ("(time - 1)^3".to_owned(), 4.0),
+        ("-0.1*(time - 1)^2".to_owned(), 0.0),
+        ("-0.1*(time - 1)^4".to_owned(), 0.0),
+    ];
+    for (p, exact) in slopes.into_iter().chain(others) {
+        for (sign, method) in [(1, "event"), (-1, "event"), (1, "fesd"), (-1, "fesd")] {
+            let model = format!("model m {{ state x = 0; x' = {sign}*(1 + {p}) - sign(x); }}");
+            let found = simulate(&model, &format!("horizon 3; method {method};"));
+            let x = end(&found)[0];
+            let exact = f64::from(sign) * exact;
+            assert!((x - exact).abs() < 1e-8, "{method}, {p}: {x} for {exact}");
+        }
+    }
+}
+
 #[test]
 fn both_roads_agree() {
     let models: [(&str, &str, f64); 8] = [

@@ -396,6 +396,9 @@ impl Simulator {
         t1: f64,
     ) -> Result<(), Status> {
         state.selection.decisions.clear();
+        if meets.breakpoint || meets.is_due || !self.system.laws.is_empty() {
+            state.selection.leaving = None;
+        }
         let met = match meets.breakpoint {
             true => Met::Breakpoint(triggers),
             false => Met::Surfaces(triggers),
@@ -404,7 +407,7 @@ impl Simulator {
         if let Some(kick) = meets.kick.filter(|_| state.jumps.known.stopped.is_none()) {
             self.kick(state, kick, t1)?;
         }
-        state.selection.fold = None;
+        (state.selection.fold, state.selection.leaving) = (None, None);
         Ok(())
     }
 

@@ -20,6 +20,7 @@ use crate::events::unseen::Unseen;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
 use crate::expansion::monitor::Monitor;
+use crate::expansion::series;
 use crate::expansion::taylor::Expansion;
 use crate::hybrid::point::Point;
 use crate::hybrid::{HybridSystem, Settings, Status, Switch};
@@ -352,7 +353,14 @@ impl Stepper {
         } else {
             root.tau
         };
-        let triggers = simultaneous(Dense::Taylor(mode), &state.bands, tau, h, watch.switch());
+        let dense = Dense::Taylor(mode);
+        let triggers = simultaneous(dense, &state.bands, tau, h, watch.switch());
+        state.selection.leaving = match (watch, &triggers[..]) {
+            (Watch::Bound(i, _), [_]) if root.crosses => {
+                Some((i, series::slope(dense.alpha(i), tau)))
+            }
+            _ => None,
+        };
         Ok((tau, triggers))
     }
 }

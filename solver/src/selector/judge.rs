@@ -384,12 +384,16 @@ impl<'a> Judge<'a> {
 }
 
 impl Judge<'_> {
-    /// The choice of a switch alone with rates φ(0) and φ(1) on both sides that are no ties, unless both lead away from the
-    /// surface, where f is φ's: it crosses where they have one sign, and slides where both lead to it.
+    /// The choice of a switch alone with rates φ(0) and φ(1) on both sides, where these leave no doubt and f is φ's.
     ///
-    /// That is the only solution among all choices, and a clear one: φ is affine in α, so that its zero, where it has one,
-    /// is off the ends of [0, 1] by min(|φ(0)|, |φ(1)|)/|∂φ/∂α| at least, which is no tie either. Twice a tie is more than
-    /// what rounding does to these.
+    /// Where they are no ties, and do not both lead away from the surface, it crosses if they have one sign, and slides if
+    /// both lead to it. That is the only solution among all choices, and a clear one: φ is affine in α, so that its zero, where
+    /// it has one, is off the ends of [0, 1] by min(|φ(0)|, |φ(1)|)/|∂φ/∂α| at least, which is no tie either. Twice a tie is
+    /// more than what rounding does to these.
+    ///
+    /// Where sliding has come to α = 1, φ(1) is a tie, and dα/dt > 0 rules out that it goes on. Beyond, f is that of sliding
+    /// at this instant, along which φ stays zero: dφ(1)/dt = -∂φ/∂α dα/dt = (φ(0) - φ(1)) dα/dt > 0, and so it leaves. The same
+    /// is true of α = 0.
     pub(crate) fn clear(&mut self, state: &State, switch: usize) -> Option<Choice> {
         let of_switch = &self.system.switches[switch];
         let is_relay = self.system.relay(switch).is_some();
@@ -407,11 +411,13 @@ impl Judge<'_> {
             (mode.phi(switch), f.collect::<Vec<f64>>())
         });
         let zero = below / (below - above);
-        let (side, alpha) = match [below, above].map(|rate| rate.partial_cmp(&0.0)) {
-            [Some(Greater), Some(Greater)] => (Side::Plus, 1.0),
-            [Some(Less), Some(Less)] => (Side::Minus, 0.0),
-            [Some(Greater), Some(Less)] if !self.system.is_continuous(switch) => {
-                (Side::Slide, zero)
+        let leaves = state.selection.leaving_to(switch, state.scales.last_step);
+        let side = match (leaves, [below, above].map(|rate| rate.partial_cmp(&0.0))) {
+            (Some(side), _) => side,
+            (None, [Some(Greater), Some(Greater)]) => Side::Plus,
+            (None, [Some(Less), Some(Less)]) => Side::Minus,
+            (None, [Some(Greater), Some(Less)]) if !self.system.is_continuous(switch) => {
+                Side::Slide
             }
             _ => return None,
         };
@@ -421,16 +427,21 @@ impl Judge<'_> {
         };
         let most = |at: usize| minus[at].abs().max(plus[at].abs()).max(between(at).abs());
         let rate = self.rates(state, &[switch], most)[0];
-        let is_clear = below.abs().min(above.abs()) > 2.0 * TIE * rate && rate > 0.0;
-        let f = |at: usize| match side {
-            Side::Minus => minus[at],
-            Side::Plus => plus[at],
-            Side::Slide => between(at),
+        let is_clear = |phi: f64| phi > 2.0 * TIE * rate;
+        let is_clear = match (leaves, side) {
+            (Some(_), Side::Plus) => is_clear(below) && above.abs() <= TIE * rate,
+            (Some(_), _) => is_clear(-above) && below.abs() <= TIE * rate,
+            (None, _) => is_clear(below.abs()) && is_clear(above.abs()),
         };
-        is_clear.then(|| Choice {
+        let (alpha, f) = match side {
+            Side::Minus => (0.0, minus),
+            Side::Plus => (1.0, plus),
+            Side::Slide => (zero, (0..minus.len()).map(between).collect()),
+        };
+        (is_clear && rate > 0.0).then(|| Choice {
             sides: vec![side],
             alpha: vec![alpha],
-            f: (0..minus.len()).map(f).collect(),
+            f,
         })
     }
 

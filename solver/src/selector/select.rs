@@ -178,6 +178,7 @@ impl Selector<'_> {
         match selected {
             // Algebraic states jump, with others or where their rows depend on each other.
             None | Some(Err(Status::Inconsistent { .. })) => {
+                state.selection.leaving = None;
                 let on = self.place_kept(state, t1 - state.point.t)?;
                 self.select(state, &on, t1)
             }
@@ -200,6 +201,9 @@ impl Selector<'_> {
         triggers.dedup();
         triggers.retain(|&i| !self.has_no_rate(&state.point, i));
         let triggers = &triggers[..];
+        if triggers.len() > 1 {
+            state.selection.leaving = None;
+        }
         let meets = |i: &usize| state.point.sides[*i] == Side::Slide || state.bands.armed[*i];
         let is_met =
             |i: &usize| triggers.contains(i) || meets(i) && !self.system.switches[*i].leads();

@@ -112,7 +112,12 @@ pub(crate) struct Selection {
     pub decisions: Vec<Decision>,
     /// Slip velocities with two entries that start from rest at the last event.
     pub onsets: Vec<Onset>,
+    /// The switch that has come to an end of its sliding at this instant, and nothing else with it, and dα/dt there.
+    pub leaving: Option<(usize, f64)>,
 }
+
+/// By how much α passes its bound within a step, at least, where there is no doubt that it does.
+const PASSES: f64 = 1e-4;
 
 impl Selection {
     /// Knows nothing of n switches.
@@ -121,5 +126,12 @@ impl Selection {
         refill(&mut self.entry, n, Entry::Present);
         self.decisions.clear();
         self.onsets.clear();
+        self.leaving = None;
+    }
+
+    /// Where a switch goes that has stopped to slide, if α passes its bound: so much of a step behind it, it is far beyond.
+    pub(crate) fn leaving_to(&self, switch: usize, step: f64) -> Option<Side> {
+        let (_, slope) = self.leaving.filter(|(leaving, _)| *leaving == switch)?;
+        (slope.abs() * step > PASSES).then_some(Side::of(slope))
     }
 }
