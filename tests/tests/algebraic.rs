@@ -296,6 +296,40 @@ fn finite_elements_find_the_same() {
     assert_near(&end(&found, "z"), &[0.5], 1e-11);
 }
 
+/// What steps in time takes a complementarity, a kink of an equation and a variational inequality to other pieces, where
+/// algebraic states jump: by events, and by finite elements of any length.
+#[test]
+fn steps_of_time_take_algebraic_states_to_other_pieces() {
+    let models = [
+        (
+            "algebraic z = 0; 0 <= z perp z + (if time < 1 then 1 else -1) >= 0;",
+            1.0,
+        ),
+        (
+            "algebraic z = 0; 0 = 2*z + abs(z - (if time < 1 then 2 else -2));",
+            -8.0 / 3.0,
+        ),
+        (
+            "z in variational [0, 0.5] solves z - (if time < 1 then 0.2 else 0.8);",
+            0.7,
+        ),
+        (
+            "algebraic z = 0; 0 <= z perp 2*z - sin(time) + floor(time)/2 >= 0;",
+            // ∫ sin(t)/2 up to 1, then ∫ (sin(t) - 1/2)/2 up to 2.
+            0.5 * (1.0 - 2.0_f64.cos()) - 0.25,
+        ),
+    ];
+    let grids = ["radau_iia(1)", "radau_iia(4)", "gauss(3)"]
+        .map(|scheme| format!("method fesd {{ scheme = {scheme}; steps = 40; }}"));
+    for (model, exact) in models {
+        let model = format!("state x = 0; {model} x' = z;");
+        for settings in ["", "method fesd;", &grids[1], &grids[2]] {
+            assert_near(&end(&runs(&model, 2.0, settings), "x"), &[exact], 1e-10);
+        }
+        assert_near(&end(&runs(&model, 2.0, &grids[0]), "x"), &[exact], 1e-1);
+    }
+}
+
 #[test]
 fn a_point_is_projected_onto_a_ball_and_a_polyhedron() {
     // The nearest point of the unit disc, and where x goes with it.

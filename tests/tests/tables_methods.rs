@@ -229,3 +229,28 @@ fn adaptive_steps_end_at_jumps() {
         found.quality.stats.steps
     );
 }
+
+/// Data of a higher degree than what steps and elements are told with are told as they are.
+#[test]
+fn cubic_data_are_told_beside_lines() {
+    let rows = [(0.0, 1.0), (0.41, 0.5), (0.63, 0.2), (1.0, 0.0)];
+    let output = "output y = r; state x = 0; x' = r;";
+    let exact = tracked("", "cubic", output, 1.0, &rows);
+    for settings in [
+        "method timestepping { scheme = radau_iia(1); }",
+        "method timestepping { scheme = gauss(2); }",
+        "method fesd { scheme = radau_iia(2); }",
+        "method fesd { scheme = explicit(2); }",
+    ] {
+        let found = tracked(settings, "cubic", output, 1.0, &rows);
+        for k in 0..=50 {
+            let t = f64::from(k) / 50.0;
+            let rows = [&found, &exact].map(|run| run.dense.at(t).expect("it is in the horizon"));
+            let [r, exact] = rows.map(|row| *row.last().expect("data come last"));
+            assert!(
+                (r - exact).abs() < 1e-12,
+                "{settings}, {t}: {r} for {exact}"
+            );
+        }
+    }
+}

@@ -459,3 +459,34 @@ fn small_bounces_stay_above_the_floor() {
         }
     }
 }
+
+/// Air drags a block that slides on the floor as it does in flight: the surface of its drag is that of its friction.
+#[test]
+fn drag_and_friction_share_a_surface() {
+    for force in ["-v[1]*abs(v[1])", "-sign(v[1])", "-0.1*max(v[1], 0)"] {
+        let model = format!(
+            "model m {{ state q[2] = [0, 1]; state v[2] = [1, 0]; q' = v;
+               mechanics q, v {{ mass = 1; force = [{force}, -10];
+                 contact c {{ gap = q[2]; restitution = 0; friction = 0.3; }} }} }}"
+        );
+        let last = |settings: &str| {
+            let text = format!("{model} simulate run of m {{ horizon 0.8; {settings} }}");
+            let found = run(&text, "run");
+            assert_eq!(
+                found.status,
+                Status::Solved,
+                "{settings}: {:?}",
+                found.failure
+            );
+            [end(&found, "q"), end(&found, "v")].concat()
+        };
+        let exact = last("method event;");
+        for method in ["event", "fesd"] {
+            assert_near(
+                &last(&format!("method {method}; lower timefreezing;")),
+                &exact,
+                1e-8,
+            );
+        }
+    }
+}

@@ -4,12 +4,12 @@
 
 use std::sync::Arc;
 
-use nsd_solver::fesd::jumps::{self, Kind, Shape};
+use nsd_solver::fesd::jumps::{Kind, Shape};
 use nsd_solver::hybrid::Side;
 
 use crate::report::{Dense, Piece, Trajectory};
 use crate::simulate::record::points::{Behind, Points, is_one_instant, multiple};
-use crate::simulate::record::recorded;
+use crate::simulate::record::{pieces, recorded};
 use crate::system::experiment::{Sampling, Settings};
 use crate::system::{Role, Switch, System};
 
@@ -80,38 +80,32 @@ impl<'s, 'e> Elements<'s, 'e> {
         let x: Vec<&[f64]> = x.iter().map(|x| &x[..n]).collect();
         let member = |switch, t, x: &[f64]| member(system, switch, t, x);
         let (found, sides) = self.shape.element(instants, &x, alphas, member);
-        let jumps::Piece {
-            from,
-            to,
-            n_coefficients,
-            mut coefficients,
-            ..
-        } = found;
-        for data in &system.exogenous.data {
-            let known = data.table.piece(0.5 * (from + to)).around(from);
-            let rest = n_coefficients.saturating_sub(known.len());
-            coefficients.extend(known.into_iter().take(n_coefficients));
-            coefficients.resize(coefficients.len() + rest, 0.0);
-        }
+        let found = Piece {
+            from: found.from,
+            to: found.to,
+            n_coefficients: found.n_coefficients,
+            coefficients: found.coefficients,
+        };
+        let piece = pieces::with_data(found, &system.exogenous.data);
+        let from = piece.from;
         let has_turned = self.sides.last().is_some_and(|(_, last)| *last != sides);
         let is_certain = std::mem::take(&mut self.controls_step);
         let changes = has_turned || is_certain || system.steps_at(from);
         if self.points.last_instant() == Some(from) && changes {
             let m = system.switches.len();
-            let alphas = coefficients[n * n_coefficients..].iter();
+            let alphas = piece.coefficients[n * piece.n_coefficients..].iter();
             self.points.go_on(Behind {
                 x: x[0].to_vec(),
-                alpha: alphas.step_by(n_coefficients).take(m).copied().collect(),
+                alpha: alphas
+                    .step_by(piece.n_coefficients)
+                    .take(m)
+                    .copied()
+                    .collect(),
                 is_certain,
             });
         }
         self.sides.push((from, sides));
-        self.pieces.push(Piece {
-            from,
-            to,
-            n_coefficients,
-            coefficients,
-        });
+        self.pieces.push(piece);
     }
 
     /// The trajectory to the horizon, with some parameters open, by their numbers.

@@ -19,19 +19,37 @@ pub(crate) fn of_instant(time: f64, [x, alpha]: [&[f64]; 2], data: &[Data]) -> P
 
 /// The segment's polynomials: states, then α of every switch, then data.
 pub(crate) fn of_segment(segment: &Segment, end: f64, data: &[Data]) -> Piece {
-    let n_coefficients = segment.order() + 1;
     let mut coefficients = Vec::new();
     segment.write(&mut coefficients);
-    for data in data {
-        let known = data.table.piece(segment.start).around(segment.start);
-        let rest = n_coefficients - known.len();
-        coefficients.extend(known);
-        coefficients.resize(coefficients.len() + rest, 0.0);
-    }
-    Piece {
+    let of_segment = Piece {
         from: segment.start,
         to: end,
+        n_coefficients: segment.order() + 1,
+        coefficients,
+    };
+    with_data(of_segment, data)
+}
+
+/// The same polynomials and those of data behind them, all of one degree, which may be that of data.
+pub(crate) fn with_data(piece: Piece, data: &[Data]) -> Piece {
+    if data.is_empty() {
+        return piece;
+    }
+    let middle = 0.5 * (piece.from + piece.to);
+    let around = |data: &Data| data.table.piece(middle).around(piece.from);
+    let known: Vec<Vec<f64>> = data.iter().map(around).collect();
+    let most = known.iter().map(Vec::len).max();
+    let n_coefficients = most.unwrap_or(0).max(piece.n_coefficients);
+    let rows = piece.coefficients.chunks(piece.n_coefficients);
+    let rows = rows.chain(known.iter().map(Vec::as_slice));
+    let mut coefficients = Vec::with_capacity(rows.size_hint().0 * n_coefficients);
+    for (i, row) in rows.enumerate() {
+        coefficients.extend_from_slice(row);
+        coefficients.resize((i + 1) * n_coefficients, 0.0);
+    }
+    Piece {
         n_coefficients,
         coefficients,
+        ..piece
     }
 }

@@ -12,6 +12,7 @@ use crate::fesd::system::ComplementaritySystem;
 use crate::fesd::system::evaluator::Evaluator;
 use crate::fesd::uniform::SLACK;
 use crate::hybrid::Stats;
+use crate::integrate::tableau::Tableau;
 use crate::linalg::DenseLu;
 use crate::runtime::limit::Limit;
 use crate::tape::Tape;
@@ -106,6 +107,13 @@ impl Nodes {
     pub fn z(&self, node: usize) -> &[f64] {
         let per_node = self.per_node();
         &self.unknowns[node * per_node + self.n..(node + 1) * per_node]
+    }
+
+    /// By how much a state has moved at every node, over h: Σ_j a_mj V_j.
+    pub fn moves(&self, tableau: &Tableau, state: usize) -> impl Iterator<Item = f64> {
+        let rates = move |j: usize| self.unknowns[j * self.per_node() + state];
+        let rows = tableau.a.chunks(tableau.nodes.len());
+        rows.map(move |row| row.iter().enumerate().map(|(j, a)| a * rates(j)).sum())
     }
 
     /// What changes at breakpoints, to be written.

@@ -8,14 +8,21 @@
 //! the elements that follow.
 
 use crate::fesd::element::nodes::{Nodes, Step};
+use crate::fesd::element::scheme::Scheme;
 use crate::fesd::modes::Modes;
 use crate::fesd::run::Run;
 use crate::fesd::run::place::Place;
 use crate::fesd::system::{ComplementaritySystem, Pair, Zero};
+use crate::integrate::tableau::{Family, Tableau, lagrange};
 use crate::runtime::limit::Limit;
 
 /// A pair whose members are both below this at a node is not told apart there.
 const TIED: f64 = 1e-9;
+
+/// The length of an element in which what is smooth hardly moves, in that of others, and its nodes: values at its start are
+/// known to SHORT^NODES of what they change within the others.
+const SHORT: f64 = 1e-3;
+const NODES: usize = 5;
 
 /// The set of the first nodes of an element.
 pub(crate) struct FirstNodes {
@@ -41,6 +48,8 @@ impl FirstNodes {
 pub(crate) struct ElementMcp {
     /// Memory, once it is needed.
     nodes: Option<Nodes>,
+    /// That of a short element.
+    short: Option<(Scheme, Nodes)>,
 }
 
 impl ElementMcp {
@@ -99,5 +108,37 @@ impl ElementMcp {
             u: guess.collect(),
             distance,
         })
+    }
+
+    /// Gives algebraic states the values that they have behind an instant at which data or switches of time jump: those at
+    /// the nodes of a short element that starts with z, extrapolated to its start. Nothing where that has no solution.
+    pub fn settle(
+        &mut self,
+        modes: &Modes,
+        run: &mut Run,
+        z: &[f64],
+        (length, limit): (f64, &Limit),
+    ) {
+        let system = modes.system;
+        let (place, stats) = (&mut run.place, &mut run.record.stats);
+        let (scheme, nodes) = self.short.get_or_insert_with(|| {
+            let tableau = Tableau::new(Family::RadauIia, NODES);
+            let scheme = Scheme::new(tableau.expect("Radau IIA has as many nodes"));
+            let nodes = Nodes::new(system, scheme.s);
+            (scheme, nodes)
+        });
+        nodes.numbers().copy_from_slice(&modes.numbers);
+        nodes.begin(system, place.t, &place.x, z);
+        let (t, h, x) = (place.t, SHORT * length, &place.x[..]);
+        if !nodes.solve(system, scheme, Step { t, h, x }, limit, stats) {
+            return;
+        }
+        let tableau = &scheme.tableau;
+        let at_start = lagrange(&tableau.nodes, &[0.0]);
+        for &i in &system.algebraic_states {
+            let moves = nodes.moves(tableau, i);
+            let moved: f64 = at_start.iter().zip(moves).map(|(l, moved)| l * moved).sum();
+            place.x[i] += h * moved;
+        }
     }
 }

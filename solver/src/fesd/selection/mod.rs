@@ -188,6 +188,11 @@ impl<'s> Selection<'s> {
         length: f64,
     ) -> Result<(), Status> {
         for _ in 0..=self.system.surfaces.leading.len() {
+            if !self.system.algebraic_states.is_empty() {
+                let z = self.system.z_at(run.place.point(&modes.numbers), &led);
+                let most = (length, &self.preferences.limit);
+                self.element_mcp.settle(modes, run, &z, most);
+            }
             run.place.z = self.system.z_at(run.place.point(&modes.numbers), &led);
             self.begin(modes, run, length)?;
             let found = self.led_sides(modes, run);
