@@ -239,3 +239,23 @@ fn intervals_begin_where_time_steps() {
         }
     }
 }
+
+/// x' = u <= 1 meets r = 2 - t/5 at the earliest at t = 5/3: rows and objectives at a free horizon have data of that instant,
+/// and not of the guess.
+#[test]
+fn data_at_a_free_horizon_are_those_of_its_end() {
+    let files = DataFiles(vec![("r.csv", "time,r\n0,2\n10,0\n".to_owned())]);
+    for (minimize, last) in [
+        ("final(time)", "final { x = r; }"),
+        ("final(time) + 100*final(abs(x - r))", ""),
+    ] {
+        let text = format!(
+            "model m {{ signal r = table(\"r.csv\", \"r\"); state x = 0; control u in [-1, 1]; x' = u; }}
+             optimize o of m {{ horizon free in [0.5, 5] = 3; intervals 6; minimize {minimize}; {last} }}"
+        );
+        let found = optimum_with_data(&text, &files, "o");
+        assert_eq!(found.status, Status::Solved, "{:?}\n{text}", found.failure);
+        let least = found.objective.expect("a solution has an objective");
+        assert_near(&[least], &[5.0 / 3.0], 1e-7);
+    }
+}
