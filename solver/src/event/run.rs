@@ -404,10 +404,11 @@ impl Simulator {
             false => Met::Surfaces(triggers),
         };
         self.pass(state, met, t1)?;
+        state.selection.leaving = None;
         if let Some(kick) = meets.kick.filter(|_| state.jumps.known.stopped.is_none()) {
             self.kick(state, kick, t1)?;
         }
-        (state.selection.fold, state.selection.leaving) = (None, None);
+        state.selection.fold = None;
         Ok(())
     }
 

@@ -165,7 +165,7 @@ fn cost(problem: &Problem, x: &[f64], w: &[f64]) -> f64 {
     let solved = solved::system(problem, w);
     // Switches in the cost have the values they have in the program.
     let alphas = at.alphas(layout.steps, layout.elements, layout.nodes);
-    // So have data that step where the horizon ends.
+    // So have data and controls that step where the horizon ends, in intervals of any length.
     let ends = at.ends();
     let inside = 0.5 * (ends[layout.steps - 1] + ends[layout.steps]);
     let known = solved.valuation_around([at.horizon(), inside], x, &alphas);
