@@ -1,7 +1,7 @@
 //! Contacts by finite elements with jumps between them (`lower impact`): closed forms, agreement with runs from event to
 //! event, orders, printed forms, and what is refused.
 
-use nsd_tests::{agrees, larger, run, solved_optimum, times, with_experiment};
+use nsd_tests::{agrees, assert_near, end, larger, run, solved_optimum, times, with_experiment};
 use nsdc::lowering::dcs;
 use nsdc::lowering::discretize;
 use nsdc::lowering::discretize::{Grid, discretize};
@@ -126,6 +126,56 @@ fn a_ball_slips_and_sticks() {
     let path = u * (2.0 * h / g).sqrt() + slipping * slipping / (2.0 * mu * g);
     close(last(&found.samples.states[0])[0], path, 1e-9);
     close(times(&found, EventKind::Stick)[0], u / (mu * g), 1e-9);
+}
+
+/// A thrown ball that a constant force pulls along the floor: it falls for √(2h/g), and its impact, with an impulse of
+/// (1 + e) √(2gh), takes at most μ times that of the slip v + f t, which turns round in flight where f is against it.
+#[test]
+fn slip_turns_round_in_flight() {
+    let (g, h, horizon): (f64, f64, f64) = (10.0, 0.5, 0.6);
+    let fall = (2.0 * h / g).sqrt();
+    // It sticks and is pulled back, or on; it turns before the impact, behind it, or both; at the impact itself.
+    let cases = [
+        (1.0, -1.0, 0.5, 0.8),
+        (1.0, 1.0, 0.5, 0.8),
+        (0.2, -1.0, 0.01, 0.8),
+        (1.0, -3.0, 0.01, 0.8),
+        (-0.2, 4.0, 0.5, 0.6),
+        (0.4, -2.0, 0.1, 0.5),
+        (1.0, -1.0 / fall, 0.5, 0.8),
+    ];
+    for (v, f, mu, e) in cases {
+        let found = solved(&format!(
+            "model m {{
+               state q[2] = [0, {h}];
+               state v[2] = [{v}, 0];
+               q' = v;
+               mechanics q, v {{
+                 mass = eye(2);
+                 force = [{f:?}, -{g}];
+                 contact floor {{ gap = q[2]; restitution = {e}; friction = {mu}; }}
+               }}
+             }}
+             simulate o of m {{ horizon {horizon}; lower impact; method fesd {{ steps = 10; }} }}"
+        ));
+        let before: f64 = v + f * fall;
+        let most = mu * (1.0 + e) * g * fall;
+        let (after, left) = (before - before.clamp(-most, most), horizon - fall);
+        let place = (v + 0.5 * f * fall) * fall + (after + 0.5 * f * left) * left;
+        assert_near(
+            &end(&found, "q"),
+            &[place, (e * g * fall - 0.5 * g * left) * left],
+            1e-10,
+        );
+        assert_near(
+            &end(&found, "v"),
+            &[after + f * left, e * g * fall - g * left],
+            1e-10,
+        );
+        assert_near(&times(&found, EventKind::Jump), &[fall], 1e-10);
+        let iterations = found.quality.stats.newton_iterations;
+        assert!(iterations <= 40, "{iterations}: it is known where it turns");
+    }
 }
 
 /// √(2h/g) after it was let go it goes up with the restitution of that instant.

@@ -173,6 +173,37 @@ fn a_block_that_is_pulled_back_turns_round_at_rest() {
     }
 }
 
+/// Thrown along one line with a pull against it, slip turns round in flight, at or before the impact, which takes at most
+/// μ (1 + e) √(2gh) of it.
+#[test]
+fn slip_turns_round_in_flight() {
+    let (g, h, e, t): (f64, f64, f64, f64) = (10.0, 0.5, 0.8, 0.6);
+    let fall = (2.0 * h / g).sqrt();
+    for (speed, pull, mu) in [(0.2, 1.0, 0.01), (1.0, 1.0, 0.5), (0.4, 2.0, 0.1)] {
+        let before = speed - pull * fall;
+        let most = mu * (1.0 + e) * g * fall;
+        let (after, left) = (before - before.clamp(-most, most), t - fall);
+        let place = (speed - 0.5 * pull * fall) * fall + (after - 0.5 * pull * left) * left;
+        for turned in TURNS {
+            let (s, c) = 0.4_f64.sin_cos();
+            let along = |length: f64, up: f64| [c * length, s * length, up];
+            let ball = Body {
+                q: [0.0, 0.0, h],
+                v: along(speed, 0.0),
+                force: along(-pull, -g),
+                friction: mu,
+                restitution: e,
+                turned,
+            };
+            let found = run(&ball, t, GRID);
+            let up = e * g * fall - 0.5 * g * left;
+            assert_near(&end(&found, "q"), &along(place, up * left), 1e-10);
+            let up = e * g * fall - g * left;
+            assert_near(&end(&found, "v"), &along(after - pull * left, up), 1e-10);
+        }
+    }
+}
+
 /// It passes rest at a distance: with k = μ g/f < 1 and τ from 4 down, v_y = C τ^k and v_x = (C/2)(τ^(k-1) - τ^(k+1)),
 /// which turns from -x to x about τ = 1. For k = 1/2, t = (C/2f)(2 (τ^(-1/2) - τ₀^(-1/2)) + ⅔(τ₀^(3/2) - τ^(3/2))),
 /// x = (C²/4f)(1/τ - 1/τ₀ + ⅓(τ³ - τ₀³)) and y = (C²/2f)(ln(τ₀/τ) + ½(τ₀² - τ²)).

@@ -1,12 +1,12 @@
 //! A run from event to event that says where a program starts.
 
 use nsd_solver::fesd::jumps;
-use nsd_solver::fesd::jumps::{Reference, Slip};
+use nsd_solver::fesd::jumps::{Reference, Slips};
 
 use crate::lowering::dcs::{Impact, SlipLaw};
 use crate::report::Failure;
-use crate::system::System;
 use crate::system::experiment::{Sampling, Settings};
+use crate::system::{Slip, System};
 
 /// How accurate the run is.
 const TOLERANCE: f64 = 1e-11;
@@ -38,18 +38,22 @@ pub(crate) fn without_outputs<'e>(system: &System<'e>) -> System<'e> {
     system
 }
 
-/// The slip velocities with two entries at a point.
-pub(crate) fn slips(system: &System, time: f64, x: &[f64]) -> Vec<[f64; 2]> {
-    let friction = (system.jumps.contacts.iter()).filter_map(|contact| contact.friction.as_ref());
+/// The slip velocities at a point.
+pub(crate) fn slips(system: &System, time: f64, x: &[f64]) -> Slips {
+    let mut slips = Slips::default();
     let mut known = None;
-    let slips = friction.map(|friction| &friction.slips);
-    slips
-        .filter(|slips| slips.len() == 2)
-        .map(|slips| {
+    for contact in &system.jumps.contacts {
+        let mut slip = |slip: &Slip| {
             let known = known.get_or_insert_with(|| system.valuation(time, x, &[]));
-            [0, 1].map(|k| slips[k].velocity.eval(&|var| known.number(var)))
-        })
-        .collect()
+            slip.velocity.eval(&|var| known.number(var))
+        };
+        match contact.slips() {
+            [] => {}
+            [line] => slips.lines.push(slip(line)),
+            plane => slips.planes.push([0, 1].map(|k| slip(&plane[k]))),
+        }
+    }
+    slips
 }
 
 /// The contacts of a system as a solver of programs sees them.
@@ -60,8 +64,11 @@ pub(crate) fn impacts(system: &System, impacts: &[Impact]) -> Vec<jumps::Impact>
         gap: impact.gap,
         force: impact.force,
         slip: (impact.friction.as_ref()).map(|friction| match friction.law {
-            SlipLaw::Interval(places) => Slip::Interval(places),
-            SlipLaw::Disc { disc, .. } => Slip::Disc {
+            SlipLaw::Interval(multipliers) => jumps::Slip::Interval {
+                switch: contact.slips()[0].switch,
+                multipliers,
+            },
+            SlipLaw::Disc { disc, .. } => jumps::Slip::Disc {
                 alphas: disc.alphas,
                 speed: disc.slip,
             },

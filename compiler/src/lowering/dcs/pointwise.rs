@@ -151,8 +151,8 @@ pub fn solve_in_mode<'e>(
 }
 
 /// α of a run, which has the sides of what slips in a plane, with the direction of slip at a point near by: where w
-/// comes to zero, its direction is that before.
-pub fn directed(system: &System, alphas: &mut [f64], near: &impl Fn(Var) -> f64) {
+/// comes to zero, its direction is that before. So have slips of open contacts, which are `idle`.
+pub fn directed(system: &System, alphas: &mut [f64], idle: &[usize], near: &impl Fn(Var) -> f64) {
     let given = alphas.to_vec();
     let slips = |k: usize, other: usize| {
         let inside = [k, other].map(|k| 2.0 * given[k] - 1.0);
@@ -161,6 +161,7 @@ pub fn directed(system: &System, alphas: &mut [f64], near: &impl Fn(Var) -> f64)
     let across = |k: usize| system.switches[k].across;
     let slipping: Vec<usize> = (0..given.len())
         .filter(|&k| across(k).is_some_and(|other| slips(k, other)))
+        .chain(idle.iter().copied())
         .collect();
     if slipping.is_empty() {
         return;

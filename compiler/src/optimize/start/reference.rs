@@ -218,7 +218,9 @@ impl Lowered for WithControls<'_, '_> {
 
     fn direct(&mut self, alphas: &mut [f64], instants: [f64; 2], x: &[f64]) {
         let known = self.system.valuation_around(instants, x, &[]);
-        directed(self.system, alphas, &|var| known.number(var));
+        let idle = self.impacts.iter().filter_map(|impact| impact.idle(alphas));
+        let idle: Vec<usize> = idle.collect();
+        directed(self.system, alphas, &idle, &|var| known.number(var));
     }
 
     fn in_mode(&mut self, instants: [f64; 2], x: &[f64], alphas: &[f64]) -> Vec<f64> {
@@ -339,7 +341,7 @@ fn fill(
         };
         let mut alphas = within[n..n + system.switches.len()].to_vec();
         settle(problem, &mut alphas);
-        directed(system, &mut alphas, &known(inside, &within));
+        directed(system, &mut alphas, &[], &known(inside, &within));
         let value = known(*c, &row);
         let found = solve_in_mode(system, &problem.dcs, &alphas, &value);
         let is_first = (k, j) == (1, 1);

@@ -31,7 +31,7 @@ pub use march::{Grid, Make, Reached};
 pub use path::Piece;
 pub use points::{Contacts, Points};
 pub use program::{Element, Program, StepProgram, StepStart};
-pub use reference::{Impact, Lowered, Reference, Slip, Target, cut};
+pub use reference::{Impact, Lowered, Reference, Slip, Slips, Target, cut};
 pub use shape::{Kind, Shape};
 pub use simulator::{Simulator, System};
 

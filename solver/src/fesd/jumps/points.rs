@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{CLOSED, Impact, Lowered, StepStart};
+use super::{CLOSED, Impact, Lowered, Slips, StepStart};
 use crate::fesd::system::ComplementaritySystem;
 use crate::fesd::system::pointwise::{Point, eval};
 use crate::hybrid::check::{Fault, must};
@@ -84,7 +84,8 @@ impl TryFrom<Known> for Points {
         let mut impacts = contacts.impacts.iter();
         let are_there = impacts.all(|impact| {
             let mut places = impact.places();
-            impact.switch < n_switches && places.all(|place| place < n_z)
+            let mut switches = [impact.switch].into_iter().chain(impact.line());
+            switches.all(|switch| switch < n_switches) && places.all(|place| place < n_z)
         });
         must(are_there, "contacts have their switches and variables")?;
         Ok(Points::new(contacts, system, continuous))
@@ -152,15 +153,22 @@ impl Points {
         })
     }
 
-    /// The slip velocities with two entries at a point.
-    pub fn slips(&mut self, t: f64, x: &[f64]) -> Vec<[f64; 2]> {
-        if self.system.discs.is_empty() {
-            return Vec::new();
+    /// The slip velocities at a point.
+    pub fn slips(&mut self, t: f64, x: &[f64]) -> Slips {
+        let slips = self.contacts.impacts.iter().map(|impact| impact.slip);
+        if slips.flatten().next().is_none() {
+            return Slips::default();
         }
         self.go_to(t);
         let (psi, _) = self.at(t, x).sides(&self.system, &[]);
+        let impacts = self.contacts.impacts.iter();
         let discs = self.system.discs.iter();
-        discs.map(|disc| disc.switches.map(|k| psi[k])).collect()
+        Slips {
+            lines: impacts
+                .filter_map(|impact| Some(psi[impact.line()?]))
+                .collect(),
+            planes: discs.map(|disc| disc.switches.map(|k| psi[k])).collect(),
+        }
     }
 
     /// The value of a member of a pair at a point, by its switch.
@@ -223,7 +231,10 @@ impl Lowered for Points {
             u[0].hypot(u[1]) > 1.0 + OUTSIDE
         };
         let discs = self.system.discs.iter().map(|disc| disc.switches);
-        let slipping: Vec<usize> = discs.filter(|disc| slips(*disc)).flatten().collect();
+        let impacts = self.contacts.impacts.iter();
+        let idle = impacts.filter_map(|impact| impact.idle(alpha));
+        let slipping = discs.filter(|disc| slips(*disc)).flatten();
+        let slipping: Vec<usize> = slipping.chain(idle).collect();
         if slipping.is_empty() {
             return;
         }

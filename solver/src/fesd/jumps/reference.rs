@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use serde::{Deserialize, Serialize};
 
-use super::path::Path;
+use super::path::{Path, Piece};
 use super::{CLOSED, Element};
 use crate::event::{Event, Observer, Segment};
 use crate::hybrid::{Outcome, Status};
@@ -16,6 +16,8 @@ const CLOSEST: f64 = 1e-9;
 const ROUNDING: f64 = 1e-9;
 /// Slip with such a share of its largest velocity in two directions is none.
 const AT_REST: f64 = 1e-9;
+/// Instants of a piece of a run at which slip is looked at.
+const LOOKS: usize = 8;
 /// How far inside of its element α is read, as a share of it: at its ends it belongs to others.
 const INSIDE: f64 = 1e-6;
 
@@ -33,10 +35,24 @@ pub struct Impact {
 }
 
 impl Impact {
+    /// The switch of its slip in one direction.
+    pub(super) fn line(&self) -> Option<usize> {
+        match self.slip? {
+            Slip::Interval { switch, .. } => Some(switch),
+            Slip::Disc { .. } => None,
+        }
+    }
+
+    /// That switch, where the contact is open.
+    pub fn idle(&self, alphas: &[f64]) -> Option<usize> {
+        let slip = self.line();
+        slip.filter(|_| 1.0 - alphas[self.switch] <= ROUNDING)
+    }
+
     /// The places of all that it has among z.
     pub(super) fn places(&self) -> impl Iterator<Item = usize> {
         let slip = self.slip.iter().flat_map(|slip| match *slip {
-            Slip::Interval(both) => both.to_vec(),
+            Slip::Interval { multipliers, .. } => multipliers.to_vec(),
             Slip::Disc {
                 alphas: [first, second],
                 speed,
@@ -49,8 +65,13 @@ impl Impact {
 /// What says how a contact slips where elements meet.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub enum Slip {
-    /// In one direction: the places of λᵖ and λⁿ among z.
-    Interval([usize; 2]),
+    /// In one direction.
+    Interval {
+        /// Its switch.
+        switch: usize,
+        /// The places of λᵖ and λⁿ among z.
+        multipliers: [usize; 2],
+    },
     /// In two directions.
     Disc {
         /// The places of its α.
@@ -58,6 +79,15 @@ pub enum Slip {
         /// The place of γ = |w|.
         speed: usize,
     },
+}
+
+/// Slip velocities of all contacts.
+#[derive(Clone, Debug, Default)]
+pub struct Slips {
+    /// Those in one direction.
+    pub lines: Vec<f64>,
+    /// Those in two.
+    pub planes: Vec<[f64; 2]>,
 }
 
 /// A run in the modes of the model, whose only jumps are those of contacts.
@@ -93,10 +123,10 @@ impl Observer for Reference {
 }
 
 impl Reference {
-    /// Follows a run; `slips` are the slip velocities with two entries at an instant and a state.
+    /// Follows a run; `slips` are the slip velocities at an instant and a state.
     pub fn follow(
         run: impl FnOnce(&mut dyn Observer) -> Outcome,
-        slips: impl FnMut(f64, &[f64]) -> Vec<[f64; 2]>,
+        mut slips: impl FnMut(f64, &[f64]) -> Slips,
     ) -> Self {
         let mut reference = Reference {
             path: Path::default(),
@@ -111,8 +141,12 @@ impl Reference {
         if last.is_some_and(|strike| strike.0 >= outcome.time) {
             reference.path.end_at(outcome);
         }
-        let turns = turns(&reference.path, outcome.x.len(), slips);
-        reference.switches.extend(turns);
+        let (path, n_states) = (&reference.path, outcome.x.len());
+        let turns = turns(path, n_states, &mut slips);
+        let crossings = crossings(path, n_states, &mut slips);
+        reference
+            .switches
+            .extend(turns.into_iter().chain(crossings));
         reference.switches.sort_by(f64::total_cmp);
         reference
     }
@@ -278,14 +312,10 @@ impl Reference {
 }
 
 /// When slip velocities with two entries pass through rest, which is no change of the mode.
-fn turns(
-    path: &Path,
-    n_states: usize,
-    mut slips: impl FnMut(f64, &[f64]) -> Vec<[f64; 2]>,
-) -> Vec<f64> {
+fn turns(path: &Path, n_states: usize, slips: &mut impl FnMut(f64, &[f64]) -> Slips) -> Vec<f64> {
     let ends = path
         .pieces()
-        .map(|piece| [piece.from, piece.to].map(|t| slips(t, &piece.at(t)[..n_states])));
+        .map(|piece| [piece.from, piece.to].map(|t| slips(t, &piece.at(t)[..n_states]).planes));
     let ends: Vec<[Vec<[f64; 2]>; 2]> = ends.collect();
     let starts: Vec<f64> = path.pieces().map(|piece| piece.from).collect();
     let speed = |w: [f64; 2]| w[0].hypot(w[1]);
@@ -304,13 +334,52 @@ fn turns(
     turns.collect()
 }
 
+/// When slip velocities with one entry pass through zero inside of pieces: those of open contacts, which are no switches
+/// of the run.
+fn crossings(
+    path: &Path,
+    n_states: usize,
+    slips: &mut impl FnMut(f64, &[f64]) -> Slips,
+) -> Vec<f64> {
+    let mut at = |piece: &Piece, t: f64| slips(t, &piece.at(t)[..n_states]).lines;
+    let mut crossings = Vec::new();
+    for piece in path.pieces() {
+        let length = piece.to - piece.from;
+        let mut left = (piece.from, at(piece, piece.from));
+        for look in 1..=LOOKS {
+            let right = piece.from + length * look as f64 / LOOKS as f64;
+            let right = (right, at(piece, right));
+            for (k, (&from, &to)) in left.1.iter().zip(&right.1).enumerate() {
+                if from * to < 0.0 {
+                    let ahead = |t| at(piece, t)[k] * from;
+                    crossings.push(bisect([left.0, right.0], ahead));
+                }
+            }
+            left = right;
+        }
+    }
+    crossings
+}
+
+/// Where a function that falls below zero does so, to rounding.
+fn bisect([mut above, mut below]: [f64; 2], mut value: impl FnMut(f64) -> f64) -> f64 {
+    for _ in 0..f64::MANTISSA_DIGITS {
+        let middle = f64::midpoint(above, below);
+        match value(middle) > 0.0 {
+            true => above = middle,
+            false => below = middle,
+        }
+    }
+    below
+}
+
 /// What a run asks of a lowering of its system at an instant and a state.
 pub trait Lowered {
     /// The contacts whose impulses act where elements meet.
     fn impacts(&self) -> &[Impact];
 
-    /// Gives α of what slips in a plane the direction of slip at a point: at an instant, with data and controls as they are
-    /// at another one, since they may jump there.
+    /// Gives α of what slips in a plane, and of all slip at open contacts, which have any in a run, the direction of slip
+    /// at a point: at an instant, with data and controls as they are at another one, since they may jump there.
     fn direct(&mut self, alphas: &mut [f64], instants: [f64; 2], x: &[f64]);
 
     /// z in the mode of these α, at such instants.
@@ -381,7 +450,10 @@ impl Slip {
     /// α⁺ of friction, and β⁺ of a disc, for these multipliers.
     fn sides(self, z: &[f64]) -> Vec<f64> {
         match self {
-            Slip::Interval([above, below]) => {
+            Slip::Interval {
+                multipliers: [above, below],
+                ..
+            } => {
                 vec![match (z[above] > ROUNDING, z[below] > ROUNDING) {
                     (true, _) => 1.0,
                     (_, true) => 0.0,
