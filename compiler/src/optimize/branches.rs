@@ -9,7 +9,7 @@
 //! may slide, as the auxiliary dynamics do, with a clock that goes on; the relay is on no side there, as no motion is.
 
 use miette::LabeledSpan;
-use nsd_solver::integrate::tableau::lagrange_distinct;
+use nsd_solver::integrate::tableau::lagrange;
 use nsd_solver::optimization::mpcc;
 use nsd_solver::optimization::mpcc::{Options, Solution, Status};
 
@@ -60,7 +60,7 @@ impl<'e> Problem<'e> {
         let layout = &self.layout;
         let (at, horizon) = (self.at(w), self.at(w).horizon());
         let ends = at.ends();
-        let middle = lagrange_distinct(&layout.points[1..=layout.nodes], &[0.5]);
+        let middle = lagrange(&layout.points[1..=layout.nodes], &[0.5]);
         let (mut first, mut duration) = (None, 0.0);
         for (k, j) in layout.all_elements() {
             let h = w[layout.h(k, j)].max(0.0);

@@ -15,7 +15,7 @@
 
 use std::collections::BTreeMap;
 
-use nsd_solver::integrate::tableau::lagrange_distinct;
+use nsd_solver::integrate::tableau::lagrange;
 use nsd_solver::optimization::problem::{Member, Other};
 use rustc_hash::FxHashMap;
 
@@ -404,14 +404,14 @@ impl Moved {
             found
         };
         let n = layout.nodes;
-        let through = lagrange_distinct(&layout.points[..=n], &[share]);
+        let through = lagrange(&layout.points[..=n], &[share]);
         for i in 0..layout.n_states() {
             let values = (0..=n).map(|m| point.old[layout.x(from, source, m) + i]);
             point
                 .new
                 .insert(layout.x(k, j, m) + i, dot(&through, values));
         }
-        let inner = lagrange_distinct(&layout.points[1..=n], &[share]);
+        let inner = lagrange(&layout.points[1..=n], &[share]);
         for i in 0..layout.n_states() {
             if let Some(v) = layout.v(k, j, m.min(n)).filter(|_| m <= n) {
                 let slope = |m| layout.v(from, source, m).map_or(0.0, |v| point.old[v + i]);

@@ -1,6 +1,6 @@
 //! The solution of a program as a trajectory.
 
-use nsd_solver::integrate::tableau::lagrange_distinct;
+use nsd_solver::integrate::tableau::lagrange;
 
 use super::Problem;
 use crate::lowering::discretize::Layout;
@@ -130,7 +130,7 @@ impl Kept {
 fn left(problem: &Problem, follows: &[bool], w: &[f64], (k, j): (usize, usize)) -> Vec<f64> {
     let layout = &problem.layout;
     let mut x = w[layout.x(k, j, 0)..][..layout.n_states()].to_vec();
-    let at_left = lagrange_distinct(&layout.points[1..=layout.nodes], &[0.0]);
+    let at_left = lagrange(&layout.points[1..=layout.nodes], &[0.0]);
     for (i, x) in x
         .iter_mut()
         .enumerate()

@@ -2,7 +2,7 @@
 //! elements.
 
 use nsd_solver::fesd::jumps::cut;
-use nsd_solver::integrate::tableau::lagrange_distinct;
+use nsd_solver::integrate::tableau::lagrange;
 
 use super::transfer::{Element, Point};
 use crate::lowering::discretize::Layout;
@@ -121,6 +121,6 @@ fn interpolated(nodes: &[f64], rows: &[Vec<f64>], places: &[f64]) -> Vec<Vec<f64
         };
         (0..width).map(entry).collect()
     };
-    let weights = lagrange_distinct(nodes, places);
+    let weights = lagrange(nodes, places);
     weights.chunks(nodes.len()).map(at).collect()
 }

@@ -7,7 +7,7 @@
 //! are those of the element that the instant was in.
 
 use nsd_solver::fesd::jumps::cut;
-use nsd_solver::integrate::tableau::lagrange_distinct;
+use nsd_solver::integrate::tableau::lagrange;
 
 use super::transfer::{Element, Point};
 use crate::optimize::Problem;
@@ -177,7 +177,7 @@ fn element_after(
     let state = |c: f64| {
         let t = start + c * length;
         let one = within(t);
-        let through = lagrange_distinct(&layout.points[..=n], &[share(one, t)]);
+        let through = lagrange(&layout.points[..=n], &[share(one, t)]);
         let mut x = mixed(&through, &one.element.states[..=n]);
         forget_integrals(problem, &mut x, placed, delta);
         x
@@ -185,7 +185,7 @@ fn element_after(
     let alpha = |c: f64| {
         let t = start + c * length;
         let one = within(t);
-        let through = lagrange_distinct(&layout.points[1..=n], &[share(one, t)]);
+        let through = lagrange(&layout.points[1..=n], &[share(one, t)]);
         let mut alphas = mixed(&through, &one.element.alphas);
         alphas
             .iter_mut()
@@ -229,7 +229,7 @@ fn forget_integrals(problem: &Problem<'_>, x: &mut [f64], placed: &[Placed<'_>],
     let one = &placed[behind.min(placed.len() - 1)];
     let share = ((delta - one.from) / (one.to - one.from)).clamp(0.0, 1.0);
     let n = problem.layout.nodes;
-    let through = lagrange_distinct(&problem.layout.points[..=n], &[share]);
+    let through = lagrange(&problem.layout.points[..=n], &[share]);
     let begun = mixed(&through, &one.element.states[..=n]);
     for (x, begun) in x[first..].iter_mut().zip(&begun[first..]) {
         *x -= begun;

@@ -36,7 +36,7 @@ use thiserror::Error;
 use extended::Extended;
 use matrices::Exact;
 use nodes::Quadrature;
-pub use polynomials::{differentiation, lagrange, lagrange_distinct, monomials};
+pub use polynomials::{differentiation, lagrange, monomials};
 
 /// A family of Runge-Kutta methods, one for each number of nodes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

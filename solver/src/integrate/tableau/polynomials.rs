@@ -4,38 +4,31 @@ use super::extended::Extended;
 
 /// Values at points of the Lagrange polynomials of nodes: row major, points × nodes.
 ///
-/// Nodes are distinct, in any order. Each entry is a product of ratios (x - c_m)/(c_j - c_m), so it is
-/// accurate to rounding between the nodes and beyond them, and 0 or 1 at the nodes without error.
+/// Each entry is a product of ratios (x - c_m)/(c_j - c_m), so it is accurate to rounding between the nodes and beyond
+/// them, and 0 or 1 at the nodes without error. Nodes are in any order, and may stand next to themselves, as the start of
+/// an element beside a node there and the two middle ones of a Runge-Kutta method: the first of them counts, and the
+/// polynomials of others are zero.
 pub fn lagrange(nodes: &[f64], points: &[f64]) -> Vec<f64> {
-    assert_distinct(nodes);
+    let kept = firsts(nodes);
     let entry = |point: f64, j: usize| {
-        let others = nodes.iter().enumerate().filter(|(m, _)| *m != j);
-        others.fold(1.0, |product, (_, c)| {
-            product * ((point - c) / (nodes[j] - c))
-        })
+        let others = kept.iter().filter(|&&m| m != j).map(|&m| nodes[m]);
+        others.fold(1.0, |product, c| product * ((point - c) / (nodes[j] - c)))
     };
-    points
-        .iter()
-        .flat_map(|&point| (0..nodes.len()).map(move |j| (point, j)))
-        .map(|(point, j)| entry(point, j))
-        .collect()
-}
-
-/// The same of nodes that may stand next to themselves, as the start of an element beside a node there and the two middle
-/// ones of a Runge-Kutta method: the first of them counts, and the polynomials of others are zero.
-pub fn lagrange_distinct(nodes: &[f64], points: &[f64]) -> Vec<f64> {
-    let is_first = |m: &usize| *m == 0 || nodes[*m] != nodes[*m - 1];
-    let kept: Vec<usize> = (0..nodes.len()).filter(is_first).collect();
-    let distinct: Vec<f64> = kept.iter().map(|&m| nodes[m]).collect();
     let mut values = vec![0.0; points.len() * nodes.len()];
-    let rows = values.chunks_mut(nodes.len());
-    let known = lagrange(&distinct, points);
-    for (row, known) in rows.zip(known.chunks(kept.len())) {
-        for (&m, &value) in kept.iter().zip(known) {
-            row[m] = value;
+    for (row, &point) in values.chunks_mut(nodes.len()).zip(points) {
+        for &j in &kept {
+            row[j] = entry(point, j);
         }
     }
     values
+}
+
+/// The nodes that do not stand next to themselves, which are distinct, and the first of others.
+fn firsts(nodes: &[f64]) -> Vec<usize> {
+    let is_first = |m: &usize| *m == 0 || nodes[*m] != nodes[*m - 1];
+    let kept: Vec<usize> = (0..nodes.len()).filter(is_first).collect();
+    assert_distinct(&kept.iter().map(|&m| nodes[m]).collect::<Vec<_>>());
+    kept
 }
 
 /// Derivatives at the nodes of the Lagrange polynomials of nodes: row major, nodes × nodes.
@@ -65,15 +58,18 @@ pub fn differentiation(nodes: &[f64]) -> Vec<f64> {
 
 /// Coefficients of 1, τ, τ², .. of the Lagrange polynomials of nodes: row major, coefficients × nodes.
 ///
-/// Nodes are distinct, in any order. Times the values at the nodes that gives the coefficients of the
-/// polynomial through them. Entries are rounded once; what the sum loses by cancellation is up to the
-/// values.
+/// Nodes are those of [`lagrange`]. Times the values at the nodes that gives the coefficients of the polynomial through
+/// them. Entries are rounded once; what the sum loses by cancellation is up to the values.
 pub fn monomials(nodes: &[f64]) -> Vec<f64> {
-    assert_distinct(nodes);
-    let basis = basis(&extended(nodes));
-    (0..nodes.len())
-        .flat_map(|k| basis.iter().map(move |polynomial| polynomial[k].rounded()))
-        .collect()
+    let kept = firsts(nodes);
+    let distinct: Vec<f64> = kept.iter().map(|&m| nodes[m]).collect();
+    let mut matrix = vec![0.0; nodes.len() * nodes.len()];
+    for (&j, polynomial) in kept.iter().zip(basis(&extended(&distinct))) {
+        for (row, c) in matrix.chunks_mut(nodes.len()).zip(polynomial) {
+            row[j] = c.rounded();
+        }
+    }
+    matrix
 }
 
 fn assert_distinct(nodes: &[f64]) {
