@@ -34,8 +34,16 @@ fn block(block: &Block, depth: usize, lines: &mut Vec<Line>) {
             }),
             EntryKind::Member { parts, trailing } => {
                 member(parts, depth, lines);
-                if let (Some(line), Some(comment)) = (lines.last_mut(), trailing) {
-                    line.comment = Some((*comment).to_owned());
+                let comment = trailing.map(str::to_owned);
+                match lines.last_mut() {
+                    Some(line) if line.comment.is_none() => line.comment = comment,
+                    // A comment before the end of the member is there already.
+                    _ => lines.extend(comment.map(|text| Line {
+                        blank_before: false,
+                        indent,
+                        text,
+                        comment: None,
+                    })),
                 }
             }
         }

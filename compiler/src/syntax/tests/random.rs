@@ -200,7 +200,8 @@ proptest! {
 
     #[test]
     fn comments_survive_everywhere(text in program(), places in vec(any::<prop::sample::Index>(), 1..8)) {
-        let mut lines: Vec<String> = text.replace("; ", ";\n").replace(" + ", "\n+ ").lines().map(str::to_owned).collect();
+        let broken = text.replace(';', "\n;\n").replace(" + ", "\n+ ");
+        let mut lines: Vec<String> = broken.lines().map(str::to_owned).collect();
         for (count, place) in places.iter().enumerate() {
             let line = place.index(lines.len());
             // A comment would be part of the string.
