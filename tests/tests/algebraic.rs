@@ -469,3 +469,22 @@ fn many_rows_of_a_variational_inequality_are_solved_at_the_start() {
     // At z₁ = -1: z₂ = 2 - 1.5, and 5 - 1 - 1 > 0 holds it there.
     assert_near(&end(&found, "z"), &[-1.0, 0.5, 1.0, -1.0, 0.5, -0.5], 1e-9);
 }
+
+/// A step of time at √p, where ψ = t² - p is zero or what rounding makes of it: z is 0 before it and 1 behind it, as the root of
+/// an equation, a member of a pair, and a solution of a variational inequality.
+#[test]
+fn algebraic_states_follow_steps_at_instants_that_are_rounded() {
+    for p in [1.0_f64, 1.000_01, 1.01, 1.2, 1.3, 1.5, 2.4, 3.0, 3.3] {
+        for statement in [
+            "algebraic z = 0; 0 = z + z^3 - 2*step(time^2 - p);",
+            "algebraic z = 0; 0 <= z perp z - step(time^2 - p) >= 0;",
+            "z in variational [0, 1] solves z - 2*step(time^2 - p);",
+        ] {
+            let text = format!(
+                "model m {{ param p = {p:?}; state x = 0; {statement} x' = z; }}
+                 simulate s of m {{ horizon 2.3; tolerance 1e-10; }}"
+            );
+            assert_near(&end(&solved(&text, "s"), "x"), &[2.3 - p.sqrt()], 1e-9);
+        }
+    }
+}

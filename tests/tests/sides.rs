@@ -1,6 +1,6 @@
 //! Both sides of what jumps in tables: an instant with a jump has two rows, and every other one has one.
 
-use nsd_tests::{DataFiles, assert_near, run_with_data, solved, solved_optimum};
+use nsd_tests::{DataFiles, assert_near, end, run_with_data, solved, solved_optimum};
 use nsdc::report::{Series, Trajectory};
 use nsdc::{Options, Project};
 
@@ -135,6 +135,34 @@ fn a_relay_has_two_rows_where_it_switches() {
         &[2.0, 0.5, 1.0],
     ];
     assert_rows(&found, &exact, 1e-12);
+}
+
+/// What a relay reads has the value of the start from the start on: a step of time, one that another relay reads first, a
+/// kink inside of it. Behind a jump of states it is the same.
+#[test]
+fn a_relay_remembers_nothing_of_before_the_start() {
+    for (switches, reads) in [
+        ("", "(if time < 1 then 0 else 0.5)"),
+        ("", "0.25*(1 + sign(time - 1))"),
+        (
+            "switch inner = hysteresis(time - 1, on = 0, off = -0.5, start = 1);",
+            "0.5*inner",
+        ),
+        ("", "max(0, 0.5*step(time - 1))"),
+    ] {
+        let text = format!(
+            "model m {{ state x = 0.2; {switches}
+               switch h = hysteresis({reads}, on = 0.3, off = -1, start = 0); x' = h; }}
+             simulate s of m {{ horizon 2; }}"
+        );
+        assert_near(&end(&solved(&text, "s"), "x"), &[1.2], 1e-12);
+    }
+    // A set point steps at 5: T = 17 + 3 exp(-t) until then, and T' = 13 - (T - 17) behind it.
+    let text = "model m { state T = 20; let set = if time < 5 then 0 else 20;
+                  switch heats = hysteresis(set - T, on = 1, off = -30, start = 0); T' = 17 - T + 13*heats; }
+                simulate s of m { horizon 6; }";
+    let exact = 30.0 - (13.0 - 3.0 * (-5.0_f64).exp()) * (-1.0_f64).exp();
+    assert_near(&end(&solved(text, "s"), "T"), &[exact], 1e-7);
 }
 
 /// In one dimension the sphere of radius 1 has two points.

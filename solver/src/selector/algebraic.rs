@@ -75,6 +75,8 @@ pub(crate) struct Initialization<'a> {
     pairs: Vec<(usize, usize)>,
     /// How long the run goes on.
     horizon: f64,
+    /// Whether it has begun: then switches of time are decided, also where ψ is rounding.
+    has_begun: bool,
 }
 
 impl<'a> Initialization<'a> {
@@ -92,6 +94,7 @@ impl<'a> Initialization<'a> {
             mode,
             system,
             horizon,
+            has_begun: false,
         }
     }
 
@@ -108,6 +111,7 @@ impl<'a> Initialization<'a> {
     }
 
     fn find(&mut self, state: &mut State) -> Result<(), Status> {
+        self.has_begun = state.selection.begun;
         let guess = state.point.x.clone();
         let (mut found, mut regular) = self.search_members(state);
         if self.pairs.len() > MAX_PAIRS {
@@ -314,6 +318,7 @@ impl<'a> Initialization<'a> {
                 self.system.role(i) == Role::Step
                     && self.system.relay(i).is_none()
                     && !self.system.is_unilateral(i)
+                    && !(self.has_begun && self.system.switches[i].is_timed)
             };
             let mut sides = point.sides.clone();
             for (i, &psi) in psi.iter().enumerate().filter(|(i, _)| is_free(*i)) {

@@ -14,13 +14,27 @@ use crate::expansion::monitor::Monitor;
 use crate::expansion::series;
 use crate::expansion::step_size::StepSize;
 use crate::expansion::taylor::Expansion;
-use crate::hybrid::{Role, Side, Status};
+use crate::hybrid::{HybridSystem, Role, Side, Status};
 
 /// The switches on another side.
-fn changes(before: &[Side], after: &[Side]) -> Vec<usize> {
+pub(super) fn changes(before: &[Side], after: &[Side]) -> Vec<usize> {
     (0..before.len())
         .filter(|&i| before[i] != after[i])
         .collect()
+}
+
+/// Of switches that are to change, those that do first: a relay remembers what others have been for a moment, so it comes
+/// behind all others, and behind the relays that it reads.
+pub(super) fn innermost(system: &HybridSystem, changed: &[usize]) -> Vec<usize> {
+    let is_relay = |i: &usize| system.relay(*i).is_some();
+    let (relays, others): (Vec<usize>, Vec<usize>) = changed.iter().partition(|i| is_relay(i));
+    if !others.is_empty() {
+        return others;
+    }
+    let reads = |i: usize, k: usize| i != k && system.switches[i].inside.binary_search(&k).is_ok();
+    let is_first = |&&i: &&usize| !relays.iter().any(|&k| reads(i, k));
+    let first: Vec<usize> = relays.iter().filter(is_first).copied().collect();
+    if first.is_empty() { relays } else { first }
 }
 
 impl Selector<'_> {

@@ -23,6 +23,7 @@ use crate::hybrid::{HybridSystem, Note, Role, Settings, Side, Status};
 use crate::integrate::drift::Projection;
 use crate::integrate::singular_rates::{Rest, Roots, Settling};
 use crate::selector::algebraic::Initialization;
+use crate::selector::decided::{changes, innermost};
 use crate::selector::selection::{Choice, Entry, Onset, fastest};
 
 /// The share of its band within which a contact that is not met itself has no gap: less than what a contact is grazed
@@ -76,22 +77,27 @@ impl Selector<'_> {
         // ψ of a nested max depends on the sides of the inner one: settle from the inside out.
         for round in 0.. {
             let psi = self.mode.all_psi(&state.point);
+            // Where one of time is met it has been decided, and ψ is rounding.
+            let is_decided = |i: usize| state.selection.begun && self.system.switches[i].is_timed;
             let side = |(i, &psi): (usize, &f64)| match self.system.relay(i) {
+                _ if is_decided(i) => state.point.sides[i],
                 // A relay stays where ψ is zero.
                 Some(_) if psi == 0.0 => state.point.sides[i],
                 _ if self.system.role(i) != Role::Step => state.point.sides[i],
                 _ if self.system.is_unilateral(i) || self.system.across(i).is_some() => Side::Plus,
                 _ => Side::of(psi),
             };
-            let sides: Box<[Side]> = psi.iter().enumerate().map(side).collect();
-            if sides == state.point.sides {
+            let wanted: Box<[Side]> = psi.iter().enumerate().map(side).collect();
+            let changed = changes(&state.point.sides, &wanted);
+            if changed.is_empty() {
                 break;
             }
-            if round > all.len() {
-                let switches = (all.into_iter())
-                    .filter(|&i| sides[i] != state.point.sides[i])
-                    .collect();
-                return Err(Status::Restless { switches });
+            if round > 2 * all.len() {
+                return Err(Status::Restless { switches: changed });
+            }
+            let mut sides = state.point.sides.clone();
+            for i in innermost(&self.system, &changed) {
+                sides[i] = wanted[i];
             }
             state.point.set_sides(sides);
             self.mode.move_to(&state.point);

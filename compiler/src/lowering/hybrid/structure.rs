@@ -106,7 +106,7 @@ impl<'e> Structure<'e> {
     }
 }
 
-/// Which ψ depend on physical time and data only.
+/// Which ψ depend on physical time, parameters and data only.
 fn timed(system: &System, in_psi: &[Vec<Input>]) -> Vec<bool> {
     let mut timed: Vec<bool> = Vec::new();
     for inputs in in_psi {
@@ -114,7 +114,8 @@ fn timed(system: &System, in_psi: &[Vec<Input>]) -> Vec<bool> {
         timed.push(inputs.iter().all(|input| match input {
             Input::Alpha(k) => timed.get(*k) == Some(&true),
             Input::State(state) => Some(*state) == system.clock,
-            input => *input == Input::Time || is_data(input),
+            Input::Time | Input::Parameter(_) => true,
+            input => is_data(input),
         }));
     }
     timed
