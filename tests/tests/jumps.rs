@@ -284,6 +284,50 @@ fn impacts_that_rounding_does_not_tell_apart_are_one() {
     }
 }
 
+/// The top of a parabola is the bound of a guard, or away from it by rounding: whether states jump, or the run ends, is not known.
+/// With 1e-6 in between it is, and so it is where the other half of the guard is false.
+#[test]
+fn guards_that_are_touched_are_told() {
+    for law in [
+        "jump j when y > 1 { x := 1; y := -100; }",
+        "jump j when y >= 1 and x < 1 { x := 1; }",
+    ] {
+        for (p, is_told) in [("1", true), ("1 - 1e-15", true), ("1 - 1e-6", false)] {
+            for horizon in [1.1, 1.5, 2.0, 3.3] {
+                let text = format!(
+                    "model m {{ state y = 0; state x = 0; y' = 2*({p})*(1 - time); x' = 0; {law} }}
+                     simulate s of m {{ horizon {horizon}; }}"
+                );
+                let found = solved(&text, "s");
+                let told = found.warnings.iter().any(|warning| warning.code == "W0710");
+                assert_eq!(told, is_told, "{law} {p} {horizon}");
+            }
+        }
+    }
+    let told = |text: &str| {
+        let found = solved(text, "s");
+        let codes = found
+            .warnings
+            .iter()
+            .map(|warning| warning.code.to_string());
+        codes.collect::<Vec<_>>()
+    };
+    let model = "model m { state y = 0; state x = 0; y' = 2*(1 - time); x' = 0;";
+    let beside = "jump j when y > 1 and x > 1 { x := -1; } }";
+    assert_eq!(
+        told(&format!(
+            "{model} {beside} simulate s of m {{ horizon 1.5; }}"
+        )),
+        Vec::<String>::new()
+    );
+    assert_eq!(
+        told(&format!(
+            "{model} }} simulate s of m {{ horizon 3; stop when y > 1; }}"
+        )),
+        ["W0736", "W0710"]
+    );
+}
+
 /// The balls of the test before, with the last one farther away: the first impact of its contact is later, and leaves
 /// other velocities than one impact of both. Within the tolerance nobody knows which is first. Gaps of walls at
 /// right angles do not depend on each other, so that it does not matter there; neither does it for gaps that are equal.

@@ -211,25 +211,18 @@ impl<'a> JumpLaws<'a> {
 impl Law {
     /// Whether a guard holds on the present sides, and on the surfaces that hold the state or are `reached`.
     fn holds(&self, state: &mut State, reached: &[usize]) -> bool {
-        let Guard::Sides {
-            switches,
-            compared,
-            holds,
-        } = &self.guard
-        else {
+        let Guard::Sides { compared, .. } = &self.guard else {
             return false;
         };
         let Jumps {
             registers, known, ..
         } = &mut state.jumps;
-        registers.resize(holds.n_registers().max(switches.len()), 0.0);
-        for (place, (register, switch)) in registers.iter_mut().zip(switches).enumerate() {
-            let is_on = known.held.contains(switch) || reached.contains(switch);
+        let sides = &state.point.sides;
+        self.guard.holds(registers, |place, switch| {
+            let is_on = known.held.contains(&switch) || reached.contains(&switch);
             let on_surface = on_surface(compared, place).filter(|_| is_on);
-            *register = on_surface.unwrap_or(0.5 + 0.5 * state.point.sides[*switch].sign());
-        }
-        holds.run(registers);
-        holds.results(registers).next().is_some_and(|v| v > 0.75)
+            on_surface.unwrap_or(0.5 + 0.5 * sides[switch].sign())
+        })
     }
 
     /// The switch that closes where jumps of this law end.

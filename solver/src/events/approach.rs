@@ -60,6 +60,8 @@ pub(crate) struct Approaches {
     /// Those in the last step, and all that came close in the run.
     pub pending: Vec<Pending>,
     pub known: Vec<Approach>,
+    /// Scratch memory of guards.
+    pub registers: Vec<f64>,
 }
 
 /// Derivatives of ψ that are looked at.

@@ -14,8 +14,8 @@ use crate::expansion::mode::Mode;
 use crate::expansion::scales::{Bands, Scales};
 use crate::expansion::series;
 use crate::expansion::taylor::Expansion;
-use crate::hybrid::Side;
 use crate::hybrid::point::Point;
+use crate::hybrid::{Effect, Guard, Side};
 
 /// Roundings of a term that a value has seen.
 const ROUNDINGS: f64 = 8.0;
@@ -46,12 +46,15 @@ impl<'a> Grazing<'a> {
     /// |ψ| that a run within its tolerance may have on either side of the surface in a step of length `h`; zero
     /// where it does not matter on which.
     pub(crate) fn closeness(&self, switch: usize, scales: &Scales, bands: &Bands, h: f64) -> f64 {
-        if self.mode.system.switches[switch].sides_agree() {
+        if self.mode.system.sides_agree(switch) {
             return 0.0;
         }
         // Before the first step, a state that starts at zero has no size but that of its motion.
-        let motion = if scales.last_step > 0.0 { 0.0 } else { h };
-        let size = |j: usize| scales.largest[j].max(scales.activity[j] * motion);
+        let is_first = scales.last_step <= 0.0;
+        let size = |j: usize| match is_first {
+            true => scales.largest[j].max(series::magnitude(self.dense.x(j), h, 0)),
+            false => scales.largest[j],
+        };
         let past = self.mode.surfaces.weigh(switch, size);
         let terms = bands.terms[switch];
         // The series of what is no affine function has an error of its own.
@@ -74,7 +77,7 @@ impl<'a> Grazing<'a> {
         let Some((switch, root)) = event else {
             return;
         };
-        if self.mode.system.switches[switch].sides_agree() || state.bands.armed[switch] {
+        if self.mode.system.sides_agree(switch) || state.bands.armed[switch] {
             return;
         }
         let c = self.dense.psi(switch);
@@ -160,6 +163,7 @@ impl Approaches {
             if !is_there {
                 continue;
             }
+            let jumps = self.jumping(mode, &sides, switch);
             sides[switch] = other;
             alpha[switch] = if other == Side::Plus { 1.0 } else { 0.0 };
             mode.enter(&sides);
@@ -169,7 +173,7 @@ impl Approaches {
             approach
                 .gradient
                 .extend_from_slice(mode.surfaces.gradient(switch));
-            approach.latches = mode.system.relay(switch).is_some();
+            approach.latches = mode.system.relay(switch).is_some() || !jumps.is_empty();
             approach.strikes = strikes;
             let order = mode.memory.order + 1;
             mode.surfaces.expand(switch, &mut mode.memory, order);
@@ -188,6 +192,14 @@ impl Approaches {
                     f64::NAN
                 };
             }
+            for (jump, _) in approach
+                .jump
+                .iter_mut()
+                .zip(&jumps)
+                .filter(|(_, jumps)| **jumps)
+            {
+                *jump = f64::NAN;
+            }
             if strikes {
                 // What is closer than this is taken for a graze (`jump.rs`).
                 approach.rounding = approach.rounding.max(GRAZED * bands.width[switch]);
@@ -198,5 +210,31 @@ impl Approaches {
             self.keep(approach);
         }
         self.pending = pending;
+    }
+
+    /// Of each state, whether it jumps by a law whose guard holds on one side of a surface alone, and all of them where
+    /// the run ends there; empty where there is no such law.
+    fn jumping(&mut self, mode: &Mode, sides: &[Side], switch: usize) -> Vec<bool> {
+        let registers = &mut self.registers;
+        let mut holds = |guard: &Guard, turned: f64| {
+            guard.holds(registers, |_, i| {
+                let side = if i == switch { turned } else { 1.0 };
+                0.5 + 0.5 * side * sides[i].sign()
+            })
+        };
+        let laws = mode.system.laws.iter();
+        let laws = laws.filter(|law| {
+            law.guard.looks_at(switch) && holds(&law.guard, 1.0) != holds(&law.guard, -1.0)
+        });
+        let mut jumping = Vec::new();
+        for law in laws {
+            jumping.resize(mode.n, false);
+            match &law.effect {
+                Effect::Reset(reset) => reset.states.iter().for_each(|&i| jumping[i] = true),
+                Effect::Stop => jumping.fill(true),
+                Effect::Impact(_) => {}
+            }
+        }
+        jumping
     }
 }

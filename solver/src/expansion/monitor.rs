@@ -40,10 +40,14 @@ fn observers(system: &HybridSystem) -> Vec<bool> {
             }
         }
     }
-    // Inner switches come before what they are inside of.
-    for i in (0..n).rev().filter(|&i| used[i]).collect::<Vec<_>>() {
-        let inside = system.switches[i].inside.iter();
-        inside.for_each(|&inner| used[inner] = true);
+    let mut left: Vec<usize> = (0..n).filter(|&i| used[i]).collect();
+    while let Some(i) = left.pop() {
+        for &inner in &system.switches[i].inside {
+            if !used[inner] {
+                used[inner] = true;
+                left.push(inner);
+            }
+        }
     }
     used.into_iter().map(|used| !used).collect()
 }
@@ -128,7 +132,7 @@ impl Monitor<'_> {
                 mode.monitored.unobserved.push(i);
                 continue;
             }
-            if !mode.system.switches[i].sides_agree() || self.bands.armed[i] {
+            if !mode.system.sides_agree(i) || self.bands.armed[i] {
                 mode.surfaces.linearize(i, &mode.memory.values);
             }
             mode.monitored.switches.push(i);

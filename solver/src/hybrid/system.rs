@@ -164,12 +164,6 @@ impl Switch {
         others.any(|&other| sides[other] == Side::Plus)
     }
 
-    /// Whether both sides have one field where they meet.
-    pub(crate) fn sides_agree(&self) -> bool {
-        let is_kept = matches!(self.kind, SwitchKind::Equation | SwitchKind::Member(_));
-        self.is_continuous || is_kept
-    }
-
     /// Whether the switch may rest on its surface: rates have a root of its ψ.
     pub(crate) fn rests(&self) -> bool {
         self.has_root && self.is_continuous
@@ -255,6 +249,18 @@ impl HybridSystem {
     pub(crate) fn next_instant(&self, t: f64) -> f64 {
         let next = self.periodic().map(|(_, instants)| instants.next(t));
         next.fold(f64::INFINITY, f64::min)
+    }
+
+    /// Whether it is the same on which side of a surface a run is, where it touches that alone: rates are, and no law jumps.
+    pub(crate) fn sides_agree(&self, switch: usize) -> bool {
+        let Switch {
+            kind,
+            is_continuous,
+            ..
+        } = self.switches[switch];
+        let is_kept = matches!(kind, SwitchKind::Equation | SwitchKind::Member(_));
+        let mut laws = self.laws.iter();
+        (is_continuous || is_kept) && !laws.any(|law| law.guard.looks_at(switch))
     }
 
     /// Whether f is continuous across the surface of a switch.
@@ -406,6 +412,26 @@ impl Guard {
             Guard::Strikes(struck) => *struck == switch,
             Guard::Every(_) => false,
         }
+    }
+
+    /// Whether a function of sides holds, by the α of switches at their places; false for other guards.
+    pub(crate) fn holds(
+        &self,
+        registers: &mut Vec<f64>,
+        alpha: impl Fn(usize, usize) -> f64,
+    ) -> bool {
+        let Guard::Sides {
+            switches, holds, ..
+        } = self
+        else {
+            return false;
+        };
+        registers.resize(holds.n_registers().max(switches.len()), 0.0);
+        for (place, (register, &switch)) in registers.iter_mut().zip(switches).enumerate() {
+            *register = alpha(place, switch);
+        }
+        holds.run(registers);
+        holds.results(registers).next().is_some_and(|v| v > 0.75)
     }
 }
 

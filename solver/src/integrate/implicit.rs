@@ -442,7 +442,7 @@ impl Stiff<'_> {
             let (surfaces, values) = (&mut self.mode.surfaces, &self.mode.memory.values);
             self.mode.planes.aim(switch, surfaces, values);
             for i in std::iter::once(switch).chain(self.mode.system.second(switch)) {
-                if !self.mode.system.switches[i].sides_agree() {
+                if !self.mode.system.sides_agree(i) {
                     self.mode.surfaces.linearize(i, &self.mode.memory.values);
                 }
                 bands.measure(self.mode, i);
