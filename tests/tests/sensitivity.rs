@@ -123,6 +123,13 @@ fn agrees(text: &str, n_events: usize) {
     for (tolerance, within) in [(Some(1e-13), 1e-8), (None, 1e-5)] {
         let run = run_within(text, tolerance);
         assert!(!warned(&run), "{:?}", run.warnings);
+        let same = run_within(&undifferentiated(text), tolerance);
+        for (end, same) in ends(&run).iter().zip(&ends(&same)) {
+            assert!(
+                (end - same).abs() <= 0.1 * within,
+                "the run is the same: {end} {same}"
+            );
+        }
         let events = &run.samples.sensitivities[0].events;
         assert_eq!(events.len(), n_events, "{events:?}");
         for by in &run.samples.sensitivities {
@@ -322,6 +329,84 @@ fn algebraic_states_follow() {
         "model m { param a = 1.2; param b = 0.5; state x = 1; algebraic z = 0.5; x' = -z + sign(x - b)*0.1; 0 = z^3 + a*z - x; }
         simulate s of m { horizon 3; sensitivity to a, b, x at 0; }",
         1,
+    );
+}
+
+/// A step at an instant that is a parameter, inside of a switching function, of equations, pairs and variational
+/// inequalities, of a nonlinear switch, and of a slip.
+#[test]
+fn steps_at_instants_that_move() {
+    let step = "(if time < p then 0 else 0.5)";
+    for (statements, n_events) in [
+        (format!("state x = 0.2; x' = -sign(x - {step});"), 3),
+        (format!("state x = 0; algebraic z = 0; 0 = z + z^3 - 4*{step}; x' = z;"), 1),
+        (format!("state x = 0.2; algebraic z = 0; 0 <= z perp z + x - {step} >= 0; x' = z - 0.1*x;"), 1),
+        (format!("state x = 0.2; z in variational [-1, 1] solves z - 3*{step}; x' = z;"), 1),
+        (format!("state x = 0.2; switch s = sign(x - {step}) sliding nonlinear; x' = -s + 0.1*(1 - s^2);"), 3),
+        (
+            format!(
+                "state q[2] = [0, 0]; state v[2] = [0, 0]; q' = v;
+                 mechanics q, v {{ mass = eye(2); force = [0, -10];
+                   contact floor {{ gap = q[2]; restitution = 0; friction = 0.1; slip = v[1] - {step}; }} }}"
+            ),
+            2,
+        ),
+    ] {
+        agrees(
+            &format!("model m {{ param p = 1; {statements} }} simulate s of m {{ horizon 2; sensitivity to p; }}"),
+            n_events,
+        );
+    }
+}
+
+/// z = max(0, (p - x)/q) by a pair, and max(-p, min(p, x/q)) by a variational inequality: both have the derivatives of the
+/// kink, wherever they open and close.
+#[test]
+fn pairs_have_the_derivatives_of_kinks() {
+    let mut random = Random(7);
+    let pair = [
+        "algebraic z = 0; 0 <= z perp q*z + x - p >= 0;",
+        "let z = max(0, (p - x)/q);",
+    ];
+    let inequality = [
+        "z in variational [-p, p] solves q*z - x;",
+        "let z = max(-p, min(p, x/q));",
+    ];
+    let mut switched = 0;
+    for [implicit, explicit] in [pair, inequality] {
+        for _ in 0..40 {
+            let [p, q] = [random.rounded(0.1, 0.4), random.rounded(0.5, 2.0)];
+            let [x, turns] = [random.rounded(-1.0, 1.0), random.rounded(1.0, 3.0)];
+            let run = |z: &str| {
+                let text = format!(
+                    "model m {{ param p = {p}; param q = {q}; state x = {x}; {z}
+                       x' = -x + 1.5*sin({turns}*time) + 0.3*z; }}
+                     simulate s of m {{ horizon 4; sensitivity to p, q, x at 0; }}"
+                );
+                let run = run_at(&text, 1e-12);
+                assert!(!warned(&run), "{text}");
+                run
+            };
+            let [found, known] = [run(implicit), run(explicit)];
+            switched += found.history.events.len();
+            let both = found.samples.sensitivities.iter();
+            for (by, same) in both.zip(&known.samples.sensitivities) {
+                let [found, known] = [slopes(&found, by)[0], slopes(&known, same)[0]];
+                assert!((found - known).abs() <= 1e-10, "{}: {found} {known}", by.to);
+            }
+        }
+    }
+    assert!(switched >= 120, "{switched}");
+}
+
+/// What a counter reaches is no bound that a parameter moves.
+#[test]
+fn counted_samples_have_derivatives() {
+    agrees(
+        "model m { param p = 1; state y = 0; y' = 0; discrete n = 0; discrete x = 0;
+           every 0.5 { n := n + 1; x := x + p; } jump j when n >= 3 { n := 0; y := y + x*p; } }
+        simulate s of m { horizon 2.2; sensitivity to p; }",
+        5,
     );
 }
 
@@ -556,6 +641,50 @@ fn what_is_lost_is_said() {
         2.0_f64.ln(),
         "meet in one point",
     );
+    // A sample leads to the bound of a guard, and not to it for a smaller parameter.
+    loses(
+        "model m { param p = 1; discrete x = 0; discrete y = 0;
+           every 0.5 { y := y + 0.5*p; } jump j when y >= 1 { y := 0; x := x + 1; } }
+        simulate s of m { horizon 0.7; sensitivity to p; }",
+        0.5,
+        "meet in one point",
+    );
+    // Either ends the run, at one instant for these parameters alone.
+    for condition in ["y >= 1 or z >= 1", "y >= 1 and z >= 1"] {
+        loses(
+            &format!(
+                "model m {{ param p = 1; state y = 0; state z = 0; y' = p; z' = 2 - p; }}
+                simulate s of m {{ horizon 2; stop when {condition}; sensitivity to p; }}"
+            ),
+            1.0,
+            "meet in one point",
+        );
+    }
+    // So does a jump.
+    loses(
+        "model m { param p = 1; state t = 0; t' = 1; discrete x = 0; discrete y = 0;
+           jump i when t >= 0.5 { t := -10; y := p; } jump j when y >= 1 { y := 0; x := x + 1; } }
+        simulate s of m { horizon 1; sensitivity to p; }",
+        0.5,
+        "meet in one point",
+    );
+    // The top of a parabola is on the surface, of a relay and of a guard, in one step.
+    for (behind, horizon) in [
+        (
+            "switch h = hysteresis(y, on = 1, off = -5, start = 0); x' = h;",
+            1.5,
+        ),
+        ("x' = 0; jump j when y > 1 { x := 1; y := -100; }", 3.3),
+    ] {
+        loses(
+            &format!(
+                "model m {{ param p = 1; state y = 0; state x = 0; y' = 2*p*(1 - time); {behind} }}
+                simulate s of m {{ horizon {horizon}; sensitivity to p; }}"
+            ),
+            1.0,
+            "tangentially",
+        );
+    }
     // The top of a parabola is on the surface.
     loses(
         "model m { param a = 1; state x = -0.5; state v = 1; x' = v; v' = -a - step(x); }

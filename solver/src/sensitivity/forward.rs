@@ -398,6 +398,17 @@ impl<'r> Forward<'r> {
         self.keep_algebraic(event.time, &event.before, &event.from, &alpha);
     }
 
+    /// The state before an event: where no law jumps, algebraic states may, which the event does not tell.
+    fn state_before(&self, event: &EventRecord, last: Option<&Step>) -> Vec<f64> {
+        let mut x = event.before.clone();
+        if let Some(step) = last.filter(|_| event.laws.is_empty()) {
+            for &z in &self.run.system.algebraics {
+                x[z] = step.end[z];
+            }
+        }
+        x
+    }
+
     fn event(&mut self, event: &EventRecord, [last, next]: [Option<&Step>; 2]) {
         let still = vec![0.0; self.x.len()];
         self.sizes.see(&event.before, &still);
@@ -405,9 +416,11 @@ impl<'r> Forward<'r> {
         let behind = self.run.coefficients(event.time);
         let before = self.found.events.last();
         let before = before.filter(|before| before.time == event.time);
+        let state = self.state_before(event, last);
         let saltation = Saltation {
             run: self.run,
             event,
+            before: &state,
             last: last.filter(|step| *step.sides == *event.from && step.until >= event.time),
             next: next.filter(|step| *step.sides == *event.to && step.start <= event.time),
             sizes: &self.sizes,

@@ -11,6 +11,7 @@ use std::sync::Arc;
 
 use super::adjoint::Costate;
 use super::functions::{Functions, Group, Kick, Moved, Point};
+use super::meeting::Held;
 use super::saltation::{Slope, weigh};
 use super::why::Why;
 use crate::contact::impact::impact_of;
@@ -29,9 +30,20 @@ const STICKS: f64 = 1e-12;
 /// The states that change, as functions of time, states and parameters.
 pub(super) struct Jumped {
     rows: Vec<(usize, Slope)>,
+    /// What has to stay zero before it: where a guard becomes true by a jump, ψ of those of its switches that are on their
+    /// surface.
+    pub guards: Vec<Held>,
 }
 
 impl Jumped {
+    /// Whatever leads to it.
+    fn of(rows: Vec<(usize, Slope)>) -> Self {
+        Jumped {
+            rows,
+            guards: Vec::new(),
+        }
+    }
+
     /// The tangent behind it, with the size of its terms.
     pub fn apply(&self, moved: Moved, direction: usize) -> (Vec<f64>, Vec<f64>) {
         let (mut x, mut size) = (moved.x.to_vec(), moved.size.to_vec());
@@ -49,11 +61,10 @@ impl Jumped {
     /// How large its derivatives are.
     pub fn magnitude(&self) -> Jumped {
         let rows = self.rows.iter();
-        Jumped {
-            rows: rows
-                .map(|(state, slope)| (*state, slope.magnitude()))
+        Jumped::of(
+            rows.map(|(state, slope)| (*state, slope.magnitude()))
                 .collect(),
-        }
+        )
     }
 
     /// The transpose of that.
@@ -94,11 +105,14 @@ pub(super) fn jumped(
                 true => beside(&functions.system, event, coupling, &laws),
                 false => Vec::new(),
             };
-            let Some((behind, jumped)) =
+            let Some((behind, mut jumped)) =
                 together(functions, here, (event, sizes), [places, &beside])?
             else {
                 break;
             };
+            if !found.is_empty() {
+                jumped.guards = guards(functions, &here, (event, sizes), &laws);
+            }
             x = behind;
             found.push(jumped);
         }
@@ -111,6 +125,36 @@ pub(super) fn jumped(
         }
     }
     Err(Why::Jump)
+}
+
+/// The switches that guards look at which are on their surface where a jump has led.
+fn guards(
+    functions: &mut Functions,
+    point: &Point,
+    (event, sizes): (&EventRecord, &[f64]),
+    laws: &[usize],
+) -> Vec<Held> {
+    let system = functions.system.clone();
+    let mut held = Vec::new();
+    for &law in laws {
+        let Guard::Sides { switches, .. } = &system.laws[law].guard else {
+            continue;
+        };
+        for &switch in switches {
+            let psi = functions.psi(switch, 0, &event.from);
+            let slopes = psi.slopes(point, &mut functions.registers);
+            let value = psi.value(point, &mut functions.registers);
+            let terms = weigh(&slopes, sizes.len(), |state| sizes[state]);
+            if value.abs() <= SAME * terms {
+                held.push(Held {
+                    switch,
+                    slopes,
+                    slides: false,
+                });
+            }
+        }
+    }
+    held
 }
 
 /// The laws of closed contacts that hang together with those that laws strike.
@@ -174,7 +218,7 @@ fn together(
         }
     }
     match (impacts.is_empty(), rows.is_empty()) {
-        (true, _) => Ok(Some((x, Jumped { rows }))),
+        (true, _) => Ok(Some((x, Jumped::of(rows)))),
         (false, true) => struck(functions, point, (event, sizes), &impacts),
         (false, false) => Ok(None),
     }
@@ -419,5 +463,5 @@ fn struck(
     };
     let rows = rows.iter().map(|row| Slope::row(row, n)).enumerate();
     let rows = rows.collect();
-    Ok(Some(((0..n).map(pushed).collect(), Jumped { rows })))
+    Ok(Some(((0..n).map(pushed).collect(), Jumped::of(rows))))
 }

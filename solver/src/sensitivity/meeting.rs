@@ -74,7 +74,22 @@ impl Algebraic {
         }
     }
 
-    /// The transpose of that.
+    /// How large the terms of that are, |h_z⁻¹| of those of the rows, for terms of the others of such sizes.
+    pub fn sizes(&self, functions: &Functions, moved: Moved, direction: usize) -> Vec<f64> {
+        let rows = self.rows.iter();
+        let terms = rows.map(|row| functions.along(row, moved, direction)[1]);
+        let terms: Vec<f64> = terms.collect();
+        let of_state = |i: usize| {
+            let mut weights = vec![0.0; terms.len()];
+            weights[i] = 1.0;
+            self.lu.solve_transposed(&mut weights);
+            let weighted = weights.iter().zip(&terms).map(|(w, term)| w.abs() * term);
+            weighted.sum()
+        };
+        (0..terms.len()).map(of_state).collect()
+    }
+
+    /// The transpose of what keeps them.
     pub fn transpose(&self, functions: &Functions, costate: &mut Costate) {
         for (row, weight) in self.rows.iter().zip(self.weights(functions, costate)) {
             costate.add(functions.slots, row, weight);

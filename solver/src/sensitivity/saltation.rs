@@ -10,7 +10,7 @@ use super::sizes::{Recent, Sizes};
 use super::why::Why;
 use crate::event::recording::{EventRecord, Step};
 use crate::expansion::series;
-use crate::hybrid::Side;
+use crate::hybrid::{Effect, Law, Side};
 
 /// A rate is none below this part of how large its terms have been of late.
 const TANGENTIAL: f64 = 1e-12;
@@ -109,6 +109,8 @@ pub(super) struct Saltation<'a> {
     /// The steps before and behind it, in its modes.
     pub last: Option<&'a Step>,
     pub next: Option<&'a Step>,
+    /// The state before it.
+    pub before: &'a [f64],
     pub sizes: &'a Sizes,
     /// Coefficients of data before and behind it.
     pub coefficients: [&'a [f64]; 2],
@@ -154,7 +156,7 @@ impl<'a> Saltation<'a> {
         let event = self.event;
         Point {
             t: event.time,
-            x: if behind { &event.after } else { &event.before },
+            x: if behind { &event.after } else { self.before },
             alpha,
             coefficients: self.coefficients[usize::from(behind)],
             parameters: self.run.parameters,
@@ -241,7 +243,7 @@ impl<'a> Saltation<'a> {
             false => Some(self.trigger(functions, &before, &alpha)),
         };
         let trigger = match trigger {
-            Some(Err(_)) if passes => None,
+            Some(Err((why, _))) if passes && why != Why::Several => None,
             trigger => trigger.transpose()?,
         };
         let point = self.point(false, &alpha);
@@ -392,10 +394,16 @@ impl<'a> Saltation<'a> {
             let is_none = met.is_empty();
             return Err((if is_none { Why::Unknown } else { Why::Grazing }, met));
         };
-        // Laws of which one is met just before the other may make another state together.
+        // Laws of which one is met just before the other may make another state together, or end the run at one of two
+        // instants.
         let of = |trigger: &Trigger| Slope::of(functions, &trigger.slopes);
         let first = of(&trigger);
-        if !event.laws.is_empty() && !found.iter().all(|(_, other)| first.is_multiple(&of(other))) {
+        let stops = |law: &Law| {
+            matches!(law.effect, Effect::Stop) && met.iter().any(|&i| law.guard.looks_at(i))
+        };
+        let ends = self.next.is_none() && system.laws.iter().any(stops);
+        let has_laws = ends || !event.laws.is_empty();
+        if has_laws && !found.iter().all(|(_, other)| first.is_multiple(&of(other))) {
             return Err((Why::Several, met));
         }
         Ok(trigger)
@@ -542,7 +550,8 @@ impl Prepared<'_> {
     /// what is; what is behind it follows from that by what jumps. All parameters are directions here.
     fn conditions(&self, functions: &Functions) -> Vec<Costate> {
         let [before, behind] = &self.held;
-        if before.is_empty() && behind.is_empty() {
+        let has_guards = self.jumps.iter().any(|jump| !jump.guards.is_empty());
+        if before.is_empty() && behind.is_empty() && !has_guards {
             return Vec::new();
         }
         let sizes = [functions.slots.n_states, self.of.run.parameters.len()];
@@ -567,7 +576,18 @@ impl Prepared<'_> {
             }
             [own, size]
         });
-        let all = before.iter().map(both).chain(behind);
+        let guards = self.jumps.iter().enumerate().flat_map(|(place, jump)| {
+            let led = &self.jumps[..place];
+            jump.guards.iter().map(move |held| {
+                let [mut own, mut size] = both(held);
+                for jump in led.iter().rev() {
+                    jump.transpose(&mut own);
+                    jump.magnitude().transpose(&mut size);
+                }
+                [own, size]
+            })
+        });
+        let all = before.iter().map(both).chain(guards).chain(behind);
         let open = all.filter(|[own, size]| !known.has(own.entries(), &size.entries()));
         open.map(|[own, _]| own).collect()
     }
@@ -597,10 +617,17 @@ impl Prepared<'_> {
         let [before, behind] = &self.held;
         self.check(functions, before, (moved(&x, &size, time), direction))?;
         for jump in &self.jumps {
+            self.check(functions, &jump.guards, (moved(&x, &size, time), direction))?;
             (x, size) = jump.apply(moved(&x, &size, time), direction);
         }
         if let Some(algebraic) = &self.algebraic {
             algebraic.keep(functions, &mut x, time, direction);
+            let algebraics = &functions.system.algebraics;
+            algebraics.iter().for_each(|&z| size[z] = 0.0);
+            let sizes = algebraic.sizes(functions, moved(&x, &size, time), direction);
+            for (&z, of) in algebraics.iter().zip(sizes) {
+                size[z] = of;
+            }
         }
         let sizes = x.iter().zip(&size).map(|(x, size)| x.abs().max(*size));
         let size: Vec<f64> = sizes.collect();

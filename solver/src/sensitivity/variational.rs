@@ -305,13 +305,19 @@ impl Expansion<'_> {
         let first_terms = self.slopes.terms(start, functions.direction(d));
         let of = |numbers: &f64x4| numbers.as_array()[lane];
         let known = |k: usize| largest(k).max(start[k].abs()).max(h * first_terms[k]);
+        let forced = OnceCell::new();
         for (k, terms) in looked.terms.iter().enumerate() {
             let [whole, last] = terms.each_ref().map(of);
             let known = if known(k) > 0.0 { known(k) } else { whole };
-            let allowed = self.tolerance * known.max(least(k));
-            // Its sum is what terms leave of each other, or no sum.
-            let is_sum = f64::EPSILON * whole <= allowed;
-            if !is_sum || !(last <= DECAYED * whole || last <= allowed) {
+            let is_sum = |known: f64| {
+                let allowed = self.tolerance * known.max(least(k));
+                // Its sum is what terms leave of each other, or no sum.
+                let is_sum = f64::EPSILON * whole <= allowed;
+                is_sum && (last <= DECAYED * whole || last <= allowed)
+            };
+            // What moves it may be zero at the start, to rounding.
+            let forced = || forced.get_or_init(|| self.forced(functions, start.len(), d));
+            if !is_sum(known) && !is_sum(known.max(h * forced()[k])) {
                 let fastest = || self.slopes.fastest(start.len());
                 return Err(if h * *self.fastest.get_or_init(fastest) > FAST {
                     TooLong::Divergent
@@ -340,6 +346,15 @@ impl Expansion<'_> {
             }
         }
         Ok((tangent, end))
+    }
+
+    /// How large the terms of the rates of a tangent are where it is zero, in the middle or at the end.
+    fn forced(&self, functions: &Functions, n: usize, d: usize) -> Vec<f64> {
+        let zero = vec![0.0; n];
+        let terms =
+            [self.middle, &self.end].map(|linear| linear.terms(functions, Moved::still(&zero), d));
+        let [middle, end] = &terms;
+        middle.iter().zip(end).map(|(a, b)| a.max(*b)).collect()
     }
 
     /// What rounding makes of the rates of a tangent.
