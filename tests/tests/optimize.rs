@@ -413,6 +413,73 @@ fn a_relay_that_is_held_hides_no_descent() {
     close(found, 0.25, 1e-9);
 }
 
+/// y rises at the rate 1.4 where x > -1 and falls at 0.6 elsewhere, so that y(2) = 1 takes 0.9 below, whenever. With o by
+/// which y gets above 1, J = 5/14 + 25/21 (o² + (0.54 - o)²), which is least at o = 0.27. At o = 0 the kink of |y - 1| is
+/// touched in the instant of a crossing, as if it were a bound; no control alone keeps y(2) = 1.
+#[test]
+fn a_surface_that_is_touched_holds_no_optimum() {
+    let text = "model m { state x = -0.2; state y = 0; control u in [-2, 2] = 0; x' = u; y' = 0.4 + sign(x + 1); }
+                optimize o of m { horizon 2; intervals 2; elements 4; scheme radau_iia(4);
+                  minimize integral(abs(y - 1)); final { y = 1; } }";
+    let exact = 5.0 / 14.0 + 50.0 / 21.0 * 0.27_f64.powi(2);
+    let found = confirmed(text);
+    assert!((found - exact).abs() <= 1e-6, "{found} {exact}");
+}
+
+/// In these the start of the solver leads to x(T) on the surface, from which two controls move it together; to T the
+/// objective along y(T) was looked at for all controls on a grid, by steps of closed forms.
+#[test]
+fn a_surface_that_is_met_at_the_end_holds_no_optimum() {
+    let text = "model m { state x = -0.43; state y = -0.33; control u in [-2, 2] = 0;
+                  x' = -0.39*x + u - 0.4; y' = 0.24*u - 0.55 + 1.16*sign(x + 0.28); }
+                optimize o of m { horizon 2.35; intervals 2; elements 4; scheme radau_iia(4);
+                  minimize integral(1.56*abs(y - 0.79) + 0.08*u^2); final { y = 0.97; } }";
+    let found = confirmed(text);
+    assert!((found - 1.961_266_05).abs() <= 1e-6, "{found}");
+}
+
+/// A row that x(0) has to keep, too: x = -1/2 all along, J = 1/4.
+#[test]
+fn rows_hold_where_a_free_state_starts() {
+    for at in ["intervals", "elements", "nodes"] {
+        let text = format!(
+            "model m {{ state x = 0; control u in [-5, 5] = 0; x' = u; }}
+             optimize o of m {{ horizon 1; intervals 4; minimize integral(x^2 + u^2);
+               subject to {{ 2*x <= -1; }} at {at}; initial {{ x free in [-2, 2]; }} }}"
+        );
+        let found = confirmed(&text);
+        assert!((found - 0.25).abs() <= 1e-7, "{at}: {found}");
+    }
+}
+
+/// x rises from -1 at 1.5 + u until it is zero, and at 0.5 + u from there: methods of all families find the best u, also
+/// where nodes coincide.
+#[test]
+fn schemes_of_all_families_find_an_optimum() {
+    let cost = |u: f64| {
+        let left = 2.0 - 1.0 / (1.5 + u);
+        1.0 / (3.0 * (1.5 + u)) + (0.5 + u).powi(2) * left.powi(3) / 3.0
+    };
+    let costs = (0..=20_000).map(|k| cost(-1.0 + 1e-4 * f64::from(k)));
+    let least = costs.fold(f64::INFINITY, f64::min);
+    for scheme in [
+        "explicit(3)",
+        "explicit(4)",
+        "explicit(1); grid auto",
+        "lobatto_iiia(3)",
+        "lobatto_iiic(3)",
+        "radau_ia(3)",
+        "gauss(2)",
+    ] {
+        let text = format!(
+            "model m {{ state x = -1; control u in [-1, 1] = 0; x' = 1 - 0.5*sign(x) + u; }}
+             optimize o of m {{ horizon 2; intervals 1; elements 2; scheme {scheme}; minimize integral(x^2); }}"
+        );
+        let found = objective(&solved(&text));
+        assert!((found - least).abs() <= 1e-7, "{scheme}: {found} {least}");
+    }
+}
+
 /// Where a cart of mass 1 with friction of 1.5 is at the end, with these forces for a quarter of a second each, and its
 /// speed: parabolas between the instants at which it stops.
 fn cart(forces: &[f64]) -> [f64; 2] {

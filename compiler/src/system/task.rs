@@ -8,7 +8,7 @@
 use std::fmt;
 
 use super::System;
-use crate::expr::{Expr, Substitution};
+use crate::expr::{Expr, Substitution, variables_of};
 use crate::source::Span;
 use crate::system::values::limits::Allowed;
 
@@ -131,6 +131,17 @@ impl<'e> TaskRow<'e> {
     /// Everything that contains variables of the system.
     pub fn exprs(&self) -> impl Iterator<Item = Expr<'e>> + use<'e> {
         [self.value].into_iter().chain(self.holds.exprs())
+    }
+
+    /// Whether it holds at the start, too: where an initial value that is free is in it.
+    pub fn is_at_start(&self, mut freed: impl Iterator<Item = Expr<'e>>) -> bool {
+        let occurring = variables_of(&self.exprs().collect::<Vec<_>>());
+        let is_inside = |state: Expr<'e>| {
+            state
+                .as_variable()
+                .is_some_and(|var| occurring.contains(&var))
+        };
+        freed.any(is_inside)
     }
 }
 

@@ -8,6 +8,7 @@
 use nsd_solver::optimization::mpcc;
 use nsd_solver::optimization::mpcc::{Options, Solution, Trust};
 
+use super::around::Around;
 use super::choices::choices;
 use super::descent::{self, Candidate, Found, LARGE, SMALL, Search};
 use super::reduced::{Reduced, Values};
@@ -339,7 +340,7 @@ fn look(
     };
     for (i, look) in looks.iter().enumerate() {
         let found = match look {
-            Look::Around(change) => search.descent(*change),
+            Look::Around(change) => Around::new(&mut search, *change).descent(),
             Look::Choices => choices(&mut search),
             Look::Elsewhere => search.elsewhere(),
             Look::Through => search.through(),

@@ -208,7 +208,11 @@ impl<'r, 'e> Reduced<'r, 'e> {
                 At::Elements => ends.clone(),
                 At::Nodes => nodes.clone(),
             };
-            self.push_row(row, places.into_iter().map(Some));
+            let initial = task.initial.iter();
+            let freed = initial.map(|free| self.problem.system.states[free.place].var);
+            let also = row.at != At::Start && row.is_at_start(freed);
+            let places = also.then_some(start).into_iter().chain(places);
+            self.push_row(row, places.map(Some));
         }
         for bound in &task.bounds {
             let state = self.problem.system.states[bound.place].var;

@@ -4,10 +4,10 @@
 //! that what cannot be met has a name.
 
 use super::quadrature::Quadrature;
-use crate::expr::{Expr, variables_of};
+use crate::expr::Expr;
 use crate::lowering::discretize::DiscretizeError;
 use crate::lowering::discretize::formals::Formals;
-use crate::lowering::discretize::formals::block::{Builder, variable};
+use crate::lowering::discretize::formals::block::Builder;
 use crate::lowering::mpcc::{Block, Bounds, Kind, Mpcc, Source, Stated};
 use crate::source::Span;
 use crate::system::task::{At, Holds, Shape, Task, TaskRow};
@@ -85,13 +85,9 @@ impl<'e> Points<'_, 'e> {
             }
             At::Nodes | At::Elements | At::Intervals => {
                 let mut blocks = vec![self.along(row)?];
-                let occurring = variables_of(&members(row));
-                let mut freed = self
-                    .task
-                    .initial
-                    .iter()
-                    .map(|free| self.formals.states[free.place]);
-                if freed.any(|state| occurring.contains(&variable(state))) {
+                let initial = self.task.initial.iter();
+                let freed = initial.map(|free| self.formals.states[free.place]);
+                if row.is_at_start(freed) {
                     blocks.push(self.at_start("path_start", row)?);
                 }
                 blocks
