@@ -90,6 +90,7 @@ mod setting_off;
 mod sides;
 mod smoothing;
 mod soft;
+mod steps_of_time;
 mod stiff;
 mod stops;
 mod stress;
