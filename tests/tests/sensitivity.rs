@@ -619,13 +619,38 @@ fn loses(text: &str, time: f64, words: &str) {
 }
 
 #[test]
-fn what_is_lost_is_said() {
+fn starts_rests_and_limits_have_no_derivative() {
     // It starts on the surface, and on one side of it for other values.
     loses(
         "model m { state x = 0; x' = 2 - sign(x); } simulate s of m { horizon 1; sensitivity to x at 0; }",
         0.0,
         "starts on a surface",
     );
+    // It rests where the field bends.
+    loses(
+        "model m { state x = 0; x' = abs(x); } simulate s of m { horizon 1; sensitivity to x at 0; }",
+        0.0,
+        "rests on a surface",
+    );
+    // The same from when on the parameter moves it.
+    loses(
+        "model m { param p = 1; state y = -1; state x = 0; y' = 1; x' = max(x, 2*x) + (p - 1)*step(y); }
+        simulate s of m { horizon 2; sensitivity to p; }",
+        1.0,
+        "rests on a surface",
+    );
+    // Bounces end at 3 T.
+    loses(
+        "model m { param g = 2; state q = 1; state v = 0; q' = v;
+          mechanics q, v { mass = 1; force = -g; contact floor { gap = q; restitution = 0.5; } } }
+        simulate s of m { horizon 4; sensitivity to g; }",
+        3.0,
+        "accumulate",
+    );
+}
+
+#[test]
+fn surfaces_that_meet_at_once_have_no_derivative() {
     // Both surfaces are met at 1.
     loses(
         "model m { param a = 1; state x = -1; state y = -1; x' = a + 0.5*step(y); y' = 1 + step(x); }
@@ -633,6 +658,18 @@ fn what_is_lost_is_said() {
         1.0,
         "meet in one point",
     );
+    // Both are met at 1, and the errors of the run tell them apart.
+    loses(
+        "model m { param a = 1; state x = 1 - exp(1); state y = -sin(1); state t = 0;
+          x' = a*(x + exp(1)) + 0.5*step(y); y' = cos(t) + step(x); t' = 1; }
+        simulate s of m { horizon 2; sensitivity to a; }",
+        1.0,
+        "meet in one point",
+    );
+}
+
+#[test]
+fn laws_set_off_on_one_side_have_no_derivative() {
     // Two laws set one state at ln 2, to the same value for these parameters alone.
     loses(
         "model m { param p = 1; param q = 1; state x = 1; state u = 0; x' = -x + u; u' = 0;
@@ -649,6 +686,21 @@ fn what_is_lost_is_said() {
         0.5,
         "meet in one point",
     );
+    // So does a jump.
+    loses(
+        "model m { param p = 1; state t = 0; t' = 1; discrete x = 0; discrete y = 0;
+           jump i when t >= 0.5 { t := -10; y := p; } jump j when y >= 1 { y := 0; x := x + 1; } }
+        simulate s of m { horizon 1; sensitivity to p; }",
+        0.5,
+        "meet in one point",
+    );
+    // A law reads a bend.
+    loses(
+        "model m { state x = -1; state y = 0; x' = 1; y' = 0; jump hit when x >= 0 { x := -1; y := abs(y); } }
+        simulate s of m { horizon 1.5; sensitivity to y at 0; }",
+        1.0,
+        "meet in one point",
+    );
     // Either ends the run, at one instant for these parameters alone.
     for condition in ["y >= 1 or z >= 1", "y >= 1 and z >= 1"] {
         loses(
@@ -660,13 +712,16 @@ fn what_is_lost_is_said() {
             "meet in one point",
         );
     }
-    // So does a jump.
+}
+
+#[test]
+fn surfaces_that_are_touched_have_no_derivative() {
+    // The top of a parabola is on the surface.
     loses(
-        "model m { param p = 1; state t = 0; t' = 1; discrete x = 0; discrete y = 0;
-           jump i when t >= 0.5 { t := -10; y := p; } jump j when y >= 1 { y := 0; x := x + 1; } }
-        simulate s of m { horizon 1; sensitivity to p; }",
-        0.5,
-        "meet in one point",
+        "model m { param a = 1; state x = -0.5; state v = 1; x' = v; v' = -a - step(x); }
+        simulate s of m { horizon 3; sensitivity to a; }",
+        1.0,
+        "tangentially",
     );
     // The top of a parabola is on the surface, of a relay and of a guard, in one step.
     for (behind, horizon) in [
@@ -685,55 +740,12 @@ fn what_is_lost_is_said() {
             "tangentially",
         );
     }
-    // The top of a parabola is on the surface.
-    loses(
-        "model m { param a = 1; state x = -0.5; state v = 1; x' = v; v' = -a - step(x); }
-        simulate s of m { horizon 3; sensitivity to a; }",
-        1.0,
-        "tangentially",
-    );
     // It is below the surface by less than the run is known, and that within a step.
     loses(
         "model m { param a = 1; state x = -0.5000000000001; state v = 1; x' = v; v' = -a - step(x); output e = 2*x; }
         simulate s of m { horizon 3; output every 0.125; sensitivity to a; }",
         1.0,
         "tangentially",
-    );
-    // Both are met at 1, and the errors of the run tell them apart.
-    loses(
-        "model m { param a = 1; state x = 1 - exp(1); state y = -sin(1); state t = 0;
-          x' = a*(x + exp(1)) + 0.5*step(y); y' = cos(t) + step(x); t' = 1; }
-        simulate s of m { horizon 2; sensitivity to a; }",
-        1.0,
-        "meet in one point",
-    );
-    // It rests where the field bends.
-    loses(
-        "model m { state x = 0; x' = abs(x); } simulate s of m { horizon 1; sensitivity to x at 0; }",
-        0.0,
-        "rests on a surface",
-    );
-    // The same from when on the parameter moves it.
-    loses(
-        "model m { param p = 1; state y = -1; state x = 0; y' = 1; x' = max(x, 2*x) + (p - 1)*step(y); }
-        simulate s of m { horizon 2; sensitivity to p; }",
-        1.0,
-        "rests on a surface",
-    );
-    // A law reads a bend.
-    loses(
-        "model m { state x = -1; state y = 0; x' = 1; y' = 0; jump hit when x >= 0 { x := -1; y := abs(y); } }
-        simulate s of m { horizon 1.5; sensitivity to y at 0; }",
-        1.0,
-        "meet in one point",
-    );
-    // Bounces end at 3 T.
-    loses(
-        "model m { param g = 2; state q = 1; state v = 0; q' = v;
-          mechanics q, v { mass = 1; force = -g; contact floor { gap = q; restitution = 0.5; } } }
-        simulate s of m { horizon 4; sensitivity to g; }",
-        3.0,
-        "accumulate",
     );
 }
 

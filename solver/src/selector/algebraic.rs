@@ -80,7 +80,8 @@ pub(crate) struct Initialization<'a> {
 }
 
 impl<'a> Initialization<'a> {
-    fn new(mode: &'a mut Mode, horizon: f64) -> Self {
+    fn new(mode: &'a mut Mode, state: &State, horizon: f64) -> Self {
+        let has_begun = state.selection.begun;
         let system = mode.system.clone();
         let all = || (0..system.n_switches()).map(|i| (i, system.role(i)));
         let equations = all().filter(|(_, role)| *role == Role::Equation);
@@ -94,7 +95,7 @@ impl<'a> Initialization<'a> {
             mode,
             system,
             horizon,
-            has_begun: false,
+            has_begun,
         }
     }
 
@@ -106,12 +107,11 @@ impl<'a> Initialization<'a> {
     ) -> Result<(), Status> {
         match mode.system.algebraics.is_empty() {
             true => Ok(()),
-            false => Initialization::new(mode, horizon).find(state),
+            false => Initialization::new(mode, state, horizon).find(state),
         }
     }
 
     fn find(&mut self, state: &mut State) -> Result<(), Status> {
-        self.has_begun = state.selection.begun;
         let guess = state.point.x.clone();
         let (mut found, mut regular) = self.search_members(state);
         if self.pairs.len() > MAX_PAIRS {
@@ -198,7 +198,8 @@ impl<'a> Initialization<'a> {
     /// True where the equations do not hold as they stand, since something in them has jumped.
     pub(crate) fn is_unsettled(mode: &'a mut Mode, state: &mut State, t1: f64) -> bool {
         let horizon = t1 - state.point.t;
-        !mode.system.algebraics.is_empty() && Initialization::new(mode, horizon).is_off(state)
+        !mode.system.algebraics.is_empty()
+            && Initialization::new(mode, state, horizon).is_off(state)
     }
 
     fn is_off(&mut self, state: &mut State) -> bool {

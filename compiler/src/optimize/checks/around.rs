@@ -24,9 +24,9 @@ const MOST_STEPS: usize = 10;
 const MOST_RETURNS: usize = 8;
 /// A penalty that is so small beside the gain counts for nothing.
 const LEAST_PENALTY: f64 = 1e-4;
-/// By which shares of itself a change back to them may be taken.
-const LEAST_SHARE: f64 = 0.25;
-const MOST_SHARE: f64 = 4.0;
+/// The parts of a change back to them that are taken, by how much of it the one before has reached (secant method).
+const LEAST_PART: f64 = 0.25;
+const MOST_PART: f64 = 4.0;
 /// What keeps products of slopes regular, beside the largest of them.
 const SINGULAR: f64 = 1e-12;
 /// The most time for a linear program.
@@ -279,13 +279,9 @@ impl<'a, 's, 'r, 'e> Around<'a, 's, 'r, 'e> {
         columns: &[Column],
     ) -> Option<(Candidate, f64)> {
         let change = self.change;
-        let objective = self
-            .search
-            .base
-            .map_or(self.search.objective, |base| base.cost);
         let least = self.search.threshold(change);
         let (mut best, mut share) = (self.candidate_along(direction, columns, 1.0)?, 1.0);
-        let rate = (objective - best.merit) / change;
+        let rate = (self.objective() - best.merit) / change;
         if rate <= least {
             return None;
         }
@@ -298,6 +294,11 @@ impl<'a, 's, 'r, 'e> Around<'a, 's, 'r, 'e> {
             best = next;
         }
         Some((best, rate))
+    }
+
+    /// J at the point itself, as it is simulated if it can be.
+    fn objective(&self) -> f64 {
+        (self.search.base).map_or(self.search.objective, |base| base.cost)
     }
 
     /// The point so far along a direction, brought back to the constraints where that is better: a penalty with multipliers
@@ -314,16 +315,15 @@ impl<'a, 's, 'r, 'e> Around<'a, 's, 'r, 'e> {
         }
         let (mut w, mut values) = self.evaluate(w)?;
         let mut best = self.search.candidate(w.clone(), &values);
-        // By how much a change does less than it should, as the one before has.
-        let (mut missed, mut share) = (self.missed(&values), 1.0);
-        let objective = (self.search.base).map_or(self.search.objective, |base| base.cost);
+        let (mut missed, mut part) = (self.missed(&values), 1.0);
+        let objective = self.objective();
         for _ in 0..MOST_RETURNS {
             // What violations cost, beside what is gained.
             let (penalty, gain) = (best.merit - values.cost, objective - values.cost);
             if penalty <= LEAST_PENALTY * gain || gain <= 0.0 {
                 break;
             }
-            self.bring_back(&mut w, (&values, share * &missed), columns);
+            self.bring_back(&mut w, (&values, part * &missed), columns);
             let Some(returned) = self.evaluate(w) else {
                 break;
             };
@@ -335,7 +335,7 @@ impl<'a, 's, 'r, 'e> Around<'a, 's, 'r, 'e> {
             best = next;
             let left = self.missed(&values);
             let ratio = left.dot(&missed) / missed.norm_squared();
-            share = (share / (1.0 - ratio)).clamp(LEAST_SHARE, MOST_SHARE);
+            part = (part / (1.0 - ratio)).clamp(LEAST_PART, MOST_PART);
             missed = left;
         }
         Some(best)
