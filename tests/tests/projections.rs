@@ -3,6 +3,7 @@
 use std::f64::consts::PI;
 
 use nalgebra::{DMatrix, DVector};
+use nsd_tests::random::Random;
 use nsd_tests::{assert_near, end, fitted_order, optimum, run, times};
 use nsdc::report::{EventKind, Failure, Status, Trajectory};
 
@@ -439,5 +440,127 @@ fn two_forces_vanish_at_one_instant() {
             1e-7,
         );
         assert_near(&end(&found, "x")[4..], &[0.0, simpson(1)], 1e-7);
+    }
+}
+
+/// The rate nearest to f in the tangent cone at a point of x >= 0, Σ x <= 1, where these entries are zero and the sum is one: f
+/// less a number, without what is negative of it among these entries.
+fn nearest_rate(f: &[f64], is_zero: &[bool], is_full: bool) -> Vec<f64> {
+    let cut = |shift: f64| -> Vec<f64> {
+        let pairs = f.iter().zip(is_zero);
+        let entry = |(f, zero): (&f64, &bool)| {
+            if *zero {
+                (f - shift).max(0.0)
+            } else {
+                f - shift
+            }
+        };
+        pairs.map(entry).collect()
+    };
+    let sum = |shift: f64| cut(shift).iter().sum::<f64>();
+    if !is_full || sum(0.0) <= 0.0 {
+        return cut(0.0);
+    }
+    // Σ falls with the number, by bisection.
+    let (mut low, mut high) = (0.0, 20.0);
+    for _ in 0..200 {
+        let middle = 0.5 * (low + high);
+        match sum(middle) > 0.0 {
+            true => low = middle,
+            false => high = middle,
+        }
+    }
+    cut(high)
+}
+
+/// More constraints meet than are enumerated, from a vertex of a simplex.
+#[test]
+fn many_constraints_have_the_nearest_rate() {
+    let mut random = Random(3);
+    for case in 0..60 {
+        let n = 4 + case % 8;
+        let f: Vec<f64> = (0..n).map(|_| 2.0 * random.unit() - 1.0).collect();
+        // The origin, or another vertex.
+        let corner = (case % 2 == 1).then(|| case % n);
+        let start: Vec<f64> = (0..n)
+            .map(|i| f64::from(u8::from(corner == Some(i))))
+            .collect();
+        let is_zero: Vec<bool> = start.iter().map(|x| *x == 0.0).collect();
+        let horizon = 1e-3;
+        let text = format!(
+            "model m {{ state x[{n}] = {start:?}; x' = {f:?}; project x onto {{ for i in 1..{n} {{ x[i] >= 0; }} sum(x) <= 1; }} }}
+             simulate s of m {{ horizon {horizon}; }}"
+        );
+        let found = run(&text, "s");
+        assert_eq!(found.status, Status::Solved, "{text}");
+        assert!(found.warnings.is_empty(), "{:?} {text}", found.warnings);
+        let rate = nearest_rate(&f, &is_zero, corner.is_some());
+        let moved = end(&found, "x");
+        let moved: Vec<f64> = (moved.iter().zip(&start))
+            .map(|(x, start)| (x - start) / horizon)
+            .collect();
+        assert_near(&moved, &rate, 1e-8);
+    }
+}
+
+/// Constraints join one by one, up to all of them: x ends in the vertex of the largest rate.
+#[test]
+fn a_simplex_is_not_left() {
+    let found = runs(
+        "model m { state x[8] = 0.1*ones(8); x' = [1, 0.9, -0.1, -0.2, -0.3, -0.4, -0.5, -0.6];
+           project x onto { for i in 1..8 { x[i] >= 0; } sum(x) <= 1; } }",
+        "m",
+        40.0,
+        "",
+    );
+    assert_eq!(found.status, Status::Solved);
+    let corner = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+    assert_near(&end(&found, "x"), &corner, 1e-10);
+}
+
+/// x' = s (cos t - 0.3) within [0, 0.4 s]: the same in all units, as long as λ has enough digits, which is told.
+#[test]
+fn constraints_that_forces_are_too_small_for_are_told() {
+    // At the bound from sin t - 0.3 t = 0.4 to cos t = 0.3.
+    let leaves = 0.3_f64.acos();
+    let exact = 0.4 + (2.0_f64.sin() - leaves.sin()) - 0.3 * (2.0 - leaves);
+    for (scale, is_told) in [
+        (1e6, false),
+        (1.0, false),
+        (1e-4, false),
+        (1e-10, true),
+        (1e-13, true),
+        (1e-15, true),
+    ] {
+        let found = runs(
+            &format!(
+                "model m {{ param s = {scale:?}; state x = 0; x' = s*(cos(time) - 0.3); project x onto {{ x >= 0; x <= 0.4*s; }} }}"
+            ),
+            "m",
+            2.0,
+            "",
+        );
+        let told = found.warnings.iter().any(|warning| warning.code == "W0737");
+        assert_eq!(told, is_told, "{scale}");
+        if !is_told {
+            assert_near(&[end(&found, "x")[0] / scale], &[exact], 1e-7);
+        }
+    }
+}
+
+/// What a constraint is multiplied with does not matter.
+#[test]
+fn constraints_have_any_unit() {
+    let on = |row: &str| {
+        let text = format!(
+            "model m {{ state x = 1; x' = -1 + 2*sin(time); project x onto {{ {row}; }} }}"
+        );
+        let found = runs(&text, "m", 5.0, "");
+        assert_eq!(found.status, Status::Solved);
+        end(&found, "x")[0]
+    };
+    let known = on("x >= 0");
+    for row in ["1e-6*x >= 0", "1e-3*x >= 0", "1e3*x >= 0"] {
+        assert_near(&[on(row)], &[known], 1e-8);
     }
 }

@@ -187,6 +187,13 @@ pub enum Note {
         /// The contacts.
         switches: Vec<usize>,
     },
+    /// Forces are so small in their units that what rounding does to them may matter.
+    Faint {
+        /// When.
+        time: f64,
+        /// The contacts and constraints that they keep.
+        switches: Vec<usize>,
+    },
     /// Surfaces counted as met at once, where it matters whether one of them is met later.
     Together {
         /// When.
@@ -234,6 +241,12 @@ impl Note {
             | (
                 Note::EnergyGained { switches, .. },
                 Note::EnergyGained {
+                    switches: others, ..
+                },
+            )
+            | (
+                Note::Faint { switches, .. },
+                Note::Faint {
                     switches: others, ..
                 },
             )

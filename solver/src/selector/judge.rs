@@ -20,7 +20,7 @@ use crate::expansion::series;
 use crate::expansion::step_size::StepSize;
 use crate::expansion::taylor::Expansion;
 use crate::hybrid::point::Point;
-use crate::hybrid::{HybridSystem, Role, Settings, Side};
+use crate::hybrid::{HybridSystem, Note, Role, Settings, Side};
 use crate::integrate::singular::StraightSteps;
 use crate::integrate::singular_rates::Roots;
 use crate::linalg::DenseLu;
@@ -132,6 +132,38 @@ impl<'a> Judge<'a> {
             }
         };
         group.iter().zip(rates).map(rounded).collect()
+    }
+
+    /// Tells of the surfaces of a group that forces keep which are so small that what rounding leaves of α = 1 - λ may matter:
+    /// where without any force, no rate has been more than this part of what forces of one do, and more than rounding of these.
+    pub(crate) fn tell_faint(&mut self, state: &mut State, group: &[usize]) {
+        const FAINT: f64 = 0.01 * NO_FORCE / TIE;
+        const NOTHING: f64 = 0.5 * f64::EPSILON;
+        let mode = &mut *self.mode;
+        let forces = group.iter().copied();
+        let forces: Vec<usize> = forces.filter(|&i| mode.system.is_unilateral(i)).collect();
+        let pushed = &mut state.selection.pushed;
+        let push = |mode: &Mode, i: usize| -> f64 {
+            forces.iter().map(|&j| mode.coupling(i, j).abs()).sum()
+        };
+        // Some are known not to be, and a contact that is struck has no force in its rate.
+        let are_not = |&i: &usize| pushed[i] >= FAINT || push(mode, i) == 0.0;
+        if forces.iter().any(are_not) {
+            return;
+        }
+        let mut alpha = state.point.alpha.clone();
+        forces.iter().for_each(|&i| alpha[i] = 1.0);
+        mode.vary(&alpha);
+        mode.linearize(group);
+        for &i in &forces {
+            pushed[i] = pushed[i].max(mode.phi(i).abs() / push(mode, i));
+        }
+        let most = forces.iter().fold(0.0, |most: f64, &i| most.max(pushed[i]));
+        if NOTHING < most && most < FAINT {
+            let time = state.point.t;
+            let switches = forces;
+            state.report.note(Note::Faint { time, switches });
+        }
     }
 
     /// What the rates and α say, in the mode where the group is free.

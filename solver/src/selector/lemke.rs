@@ -1,5 +1,7 @@
 //! More surfaces than can be enumerated: one choice by Lemke's method, others by search.
 
+use nalgebra::DMatrix;
+
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::expansion::scales::TIE;
@@ -40,20 +42,30 @@ impl Problem<'_> {
         (matrix, sizes)
     }
 
-    /// True when -A is proved to be a P-matrix here, so that there is exactly one solution.
+    /// True when -A is proved to be a P-matrix here, so that there is exactly one solution, or one of forces alone that is
+    /// positive semidefinite: those that solve it have the same rates.
     pub(crate) fn is_unique(&mut self) -> bool {
         self.mode.vary(&self.state.point.alpha);
         self.mode.linearize(self.group);
-        let (matrix, _) = self.matrix();
-        lcp::is_p_matrix(&matrix, self.group.len()) == Some(true)
+        let n = self.group.len();
+        let (matrix, sizes) = self.matrix();
+        lcp::is_p_matrix(&matrix, n) == Some(true)
+            || (0..n).all(|row| self.is_force(row)) && is_semidefinite(&matrix, &sizes)
+    }
+
+    /// Whether what keeps a surface is a force λ = 1 - α, which has no bound.
+    fn is_force(&self, row: usize) -> bool {
+        self.mode.system.is_unilateral(self.group[row])
     }
 
     /// One solution by Lemke's method, relinearized until the sides repeat: the sides of every
     /// switch, several where a rate vanishes at a bound of α.
     ///
-    /// w = Mz + q with z = (α, p), w = (n, 1 - α), M = (-A I; -I 0), q = (-b, e).
+    /// w = Mz + q with z = (α, p), w = (n, 1 - α), M = (-A I; -I 0), q = (-b, e); of forces, which have no bound, z = λ and
+    /// w = φ.
     pub(crate) fn pivot(&mut self, options: &[Vec<Side>]) -> Option<Vec<Vec<Side>>> {
         let n = self.group.len();
+        let is_force: Vec<bool> = (0..n).map(|row| self.is_force(row)).collect();
         let mut alpha = self.state.point.alpha.clone();
         let mut last = Vec::new();
         for _ in 0..20 {
@@ -63,29 +75,51 @@ impl Problem<'_> {
             let size = 2 * n;
             let mut m = vec![0.0; size * size];
             let (mut q, mut cover) = (vec![1.0; size], vec![1.0; size]);
+            // φ where all α are zero, and where there is neither a force nor another α.
+            let mut rates = vec![0.0; n];
             for row in 0..n {
+                let sign = if is_force[row] { -1.0 } else { 1.0 };
                 let mut b = self.mode.phi(self.group[row]) / sizes[row];
-                for col in 0..n {
+                let mut pushed = 0.0;
+                for (col, &is_force) in is_force.iter().enumerate() {
                     let entry = matrix[row * n + col];
                     b += entry * alpha[self.group[col]];
-                    m[row * size + col] = entry;
+                    pushed += if is_force { entry } else { 0.0 };
+                    m[row * size + col] = if is_force {
+                        -sign * entry
+                    } else {
+                        sign * entry
+                    };
                     cover[row] += entry.abs();
                 }
-                m[row * size + n + row] = 1.0;
-                m[(n + row) * size + row] = -1.0;
-                q[row] = -b;
+                if !is_force[row] {
+                    m[row * size + n + row] = 1.0;
+                    m[(n + row) * size + row] = -1.0;
+                }
+                q[row] = -sign * (b - pushed);
+                rates[row] = b;
             }
             let z = lcp::lemke(&m, &q, &cover).ok()?;
-            let rate = |row: usize| {
-                let terms = (0..n).map(|col| matrix[row * n + col] * z[col]);
-                -q[row] - terms.sum::<f64>()
-            };
-            let sides: Vec<Vec<Side>> = (0..n)
-                .map(|row| nearest(z[row], rate(row), &options[row]))
-                .collect();
-            for (&i, &a) in self.group.iter().zip(&z) {
-                alpha[i] = a;
+            for (row, (&i, &z)) in self.group.iter().zip(&z).enumerate() {
+                alpha[i] = if is_force[row] { 1.0 - z } else { z };
             }
+            let sides = |row: usize| {
+                let terms = (0..n).map(|col| matrix[row * n + col] * alpha[self.group[col]]);
+                let rate = rates[row] - terms.sum::<f64>();
+                match is_force[row] {
+                    true => {
+                        let gain = matrix[row * n + row] * z[row];
+                        let terms = (0..n).map(|col| (m[row * size + col] * z[col]).abs());
+                        pushed(
+                            [gain, rate],
+                            q[row].abs() + terms.sum::<f64>(),
+                            &options[row],
+                        )
+                    }
+                    false => nearest(z[row], rate, &options[row]),
+                }
+            };
+            let sides: Vec<Vec<Side>> = (0..n).map(sides).collect();
             if sides == last {
                 break;
             }
@@ -114,6 +148,14 @@ impl Problem<'_> {
             }
             low[row] += b;
             high[row] += b;
+        }
+        // A force has no bound, and neither has what it does.
+        for at in (0..n).filter(|&at| self.is_force(at)) {
+            for row in 0..n {
+                if matrix[row * n + at] != 0.0 {
+                    (low[row], high[row]) = (f64::NEG_INFINITY, f64::INFINITY);
+                }
+            }
         }
         let is_possible = |sides: &[Side], low: &[f64], high: &[f64]| {
             sides.iter().enumerate().all(|(row, side)| match side {
@@ -150,6 +192,25 @@ impl Problem<'_> {
             }
         }
         (found, open.is_empty())
+    }
+}
+
+/// Whether a matrix with rows over these sizes is symmetric and positive semidefinite, to rounding of its largest entries.
+fn is_semidefinite(matrix: &[f64], sizes: &[f64]) -> bool {
+    const ROUNDING: f64 = 1e-12;
+    let n = sizes.len();
+    let whole = DMatrix::from_fn(n, n, |row, col| sizes[row] * matrix[row * n + col]);
+    let within = ROUNDING * whole.amax();
+    let is_symmetric = (&whole - whole.transpose()).amax() <= within;
+    is_symmetric && whole.symmetric_eigenvalues().min() >= -within * n as f64
+}
+
+/// The sides that a force and a rate stand for, one of which is zero to rounding of terms that are so large.
+fn pushed([gain, rate]: [f64; 2], terms: f64, options: &[Side]) -> Vec<Side> {
+    let side = if gain > rate { Side::Slide } else { Side::Plus };
+    match gain.max(rate) <= NEAR * terms {
+        true => options.to_vec(),
+        false => vec![side],
     }
 }
 

@@ -339,6 +339,7 @@ impl Selector<'_> {
         let choices = Enumeration::new(self.mode, self.settings).choices(state, group)?;
         let most = fastest(&choices.found);
         let rates = Judge::new(self.mode, self.settings).rates(state, group, most);
+        Judge::new(self.mode, self.settings).tell_faint(state, group);
         let measured = choices.found.into_iter().map(|choice| {
             let units = Judge::new(self.mode, self.settings).units(group, &choice, &rates);
             (choice, units)

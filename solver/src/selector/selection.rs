@@ -112,6 +112,8 @@ pub(crate) struct Selection {
     pub decisions: Vec<Decision>,
     /// Slip velocities with two entries that start from rest at the last event.
     pub onsets: Vec<Onset>,
+    /// Of each surface that a force keeps, the largest force so far that has kept it from what is behind it.
+    pub pushed: Vec<f64>,
     /// The switch that has come to an end of its sliding at this instant, and nothing else with it, and dα/dt there.
     pub leaving: Option<(usize, f64)>,
 }
@@ -124,6 +126,7 @@ impl Selection {
     pub(crate) fn begin(&mut self, n: usize) {
         (self.fold, self.begun) = (None, false);
         refill(&mut self.entry, n, Entry::Present);
+        refill(&mut self.pushed, n, 0.0);
         self.decisions.clear();
         self.onsets.clear();
         self.leaving = None;

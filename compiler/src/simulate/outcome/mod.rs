@@ -303,6 +303,14 @@ pub(super) fn warning(system: &System, note: &Note) -> Warning {
                 names_of(switches)
             ),
         ),
+        Note::Faint { time, switches } => about(
+            "W0737",
+            switches,
+            format!(
+                "at t = {time}, what keeps {} is so small in the units of the model, next to 1, that rounding may decide when it lets go",
+                names_of(switches)
+            ),
+        ),
         Note::Together { time, switches } => about(
             "W0710",
             switches,

@@ -59,12 +59,15 @@ fn constrain<'e>(
     }
     // ∇cᵀ E ∇c
     let terms = gradient.iter().zip(&push).map(|(&g, &p)| g * p);
-    let gain = exprs.sum(terms);
-    if instance.params.vanishes(gain) {
+    let terms: Vec<Expr> = terms.collect();
+    if instance.params.cancel(&terms) {
         let what = "the projected state does not move it";
         return Err(wrong(what, row.span));
     }
-    if !instance.params.at_samples(gain, |gain| gain >= 0.0) {
+    if !instance
+        .params
+        .at_samples(exprs.sum(terms), |gain| gain >= 0.0)
+    {
         let what = "`metric` is not positive semidefinite";
         return Err(wrong(what, projection.span));
     }

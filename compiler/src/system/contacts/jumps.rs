@@ -271,7 +271,7 @@ impl<'e> Flow<'_, '_, 'e> {
             let along = law.resets.iter().zip(&slopes);
             let along = along.map(|(&(other, _), &slope)| change.diff(self.state(other)) * slope);
             let d = -1.0 * self.instance.model.exprs.sum(along) / square;
-            if !self.instance.params.vanishes(change + speed * d) {
+            if !self.instance.params.cancel(&[change, speed * d]) {
                 return None;
             }
             direction.push((place, d));

@@ -30,20 +30,33 @@ impl Known {
         e.substitute(&numbers.collect())
     }
 
-    /// Whether an expression is zero wherever its variables are: by its form, or else at points without special
-    /// relations.
-    pub(crate) fn vanishes(&self, e: Expr<'_>) -> bool {
-        e.is_zero() || self.at_samples(e, |value| value.abs() < 1e-9)
+    /// Whether terms add up to zero wherever their variables are: by their form, or else at points without special relations,
+    /// to rounding.
+    pub(crate) fn cancel<'e>(&self, terms: &[Expr<'e>]) -> bool {
+        const ROUNDING: f64 = 1e-9;
+        let Some(first) = terms.first() else {
+            return true;
+        };
+        if first.exprs().sum(terms.iter().copied()).is_zero() {
+            return true;
+        }
+        let terms: Vec<Expr> = terms.iter().map(|&term| self.in_numbers(term)).collect();
+        (1..=5).all(|point| {
+            let values = terms.iter().map(|term| value_at(*term, point));
+            let (sum, size) = values.fold((0.0, 0.0), |(sum, size), v| (sum + v, size + v.abs()));
+            sum.abs() <= ROUNDING * size
+        })
     }
 
     /// Whether values at points without special relations have a property.
     pub(crate) fn at_samples(&self, e: Expr<'_>, holds: impl Fn(f64) -> bool) -> bool {
         let e = self.in_numbers(e);
-        (1..=5).all(|point| {
-            let point = f64::from(point);
-            let at =
-                |var: Var| 0.3 + 0.618 * point + 0.7 * (point * 1.7 * var.index() as f64).sin();
-            holds(e.eval(&at))
-        })
+        (1..=5).all(|point| holds(value_at(e, point)))
     }
+}
+
+/// The value at one of some points without special relations.
+fn value_at(e: Expr<'_>, point: u32) -> f64 {
+    let point = f64::from(point);
+    e.eval(&|var: Var| 0.3 + 0.618 * point + 0.7 * (point * 1.7 * var.index() as f64).sin())
 }
