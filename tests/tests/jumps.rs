@@ -304,6 +304,25 @@ fn guards_that_are_touched_are_told() {
             }
         }
     }
+    // A top of time alone.
+    for law in [
+        "x' = step(time - time^2 - p);",
+        "switch h = hysteresis((time - time^2)/p, on = 1, off = -20, start = 0); x' = h;",
+        "x' = 0; jump j when time - time^2 >= p and x < 1 { x := 1; }",
+    ] {
+        for (p, is_told) in [
+            ("0.25", true),
+            ("0.25 - 1e-16", true),
+            ("0.25 - 1e-6", false),
+        ] {
+            let text = format!(
+                "model m {{ param p = {p}; state x = 0; {law} }} simulate s of m {{ horizon 0.9; }}"
+            );
+            let found = solved(&text, "s");
+            let told = found.warnings.iter().any(|warning| warning.code == "W0710");
+            assert_eq!(told, is_told, "{law} {p}");
+        }
+    }
     let told = |text: &str| {
         let found = solved(text, "s");
         let codes = found

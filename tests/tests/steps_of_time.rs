@@ -71,3 +71,36 @@ fn all_roads_read_steps_of_time_alike() {
     }
     assert!(open >= 140 && elements >= 90, "{open} {elements}");
 }
+
+/// A sample that is a rounding earlier than a step of time reads all that follows from the step as it is behind it.
+#[test]
+fn samples_meet_steps_that_are_one_with_them() {
+    for (period, count, step) in [
+        ("0.3", 3, "0.9"),
+        ("0.7", 3, "2.1"),
+        ("0.7", 7, "4.9"),
+        ("0.5", 3, "1.5"),
+    ] {
+        let horizon = period.parse::<f64>().expect("a number") * (f64::from(count) + 0.5);
+        let text = format!(
+            "model m {{ state x = 1; discrete d = 0; discrete e = 0; discrete k = 0;
+               signal g = if time < {step} then 0 else 1;
+               switch h = hysteresis(g, on = 0.5, off = 0.3, start = 0);
+               switch b = step(g + 0.001*x - 0.5);
+               x' = -x + h + b;
+               jump j every {period} {{ d := d + h; e := e + b; k := k + g; }} }}
+             simulate s of m {{ horizon {horizon:?}; }}"
+        );
+        let run = solved(&text).expect("it is solved");
+        let at_end = |name: &str| {
+            let states = run.samples.states.iter();
+            let own = states.clone().find(|series| series.name == name);
+            own.expect("it is a state").values.last().copied()
+        };
+        assert_eq!(
+            ["d", "e", "k"].map(at_end),
+            [Some(1.0); 3],
+            "{period} {step}"
+        );
+    }
+}

@@ -172,6 +172,27 @@ pub fn run_decided(
     outcome
 }
 
+/// Adds the steps of time whose instant is one with that of a sample, which may be earlier by rounding.
+fn meet_steps(mode: &mut Mode, state: &State, triggers: &mut Vec<usize>) {
+    let t = state.point.t;
+    mode.move_to(&state.point);
+    for i in 0..state.point.sides.len() {
+        let is_step = mode.system.switches[i].is_timed && mode.system.relay(i).is_none();
+        if !is_step || triggers.contains(&i) {
+            continue;
+        }
+        mode.surfaces.stand_for(i, 0);
+        mode.surfaces.linearize(i, &mode.memory.values);
+        let (psi, rate) = (mode.psi(i), mode.surfaces.time_gradient(i));
+        // It is still ahead.
+        let is_ahead = psi * rate <= 0.0 && rate * state.point.sides[i].sign() < 0.0;
+        if is_ahead && are_one(t, t - psi / rate) {
+            triggers.push(i);
+        }
+    }
+    triggers.sort_unstable();
+}
+
 impl Simulator {
     /// Integrates from `x0` at `t0` to `t1`.
     pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut dyn Observer) -> Outcome {
@@ -262,6 +283,7 @@ impl Simulator {
         }
         if meets.is_due {
             JumpLaws::new(&mut self.mode).let_due(state);
+            meet_steps(&mut self.mode, state, &mut step.triggers);
         }
         let is_known = meets.breakpoint || meets.kick.is_some() || meets.is_due;
         if step.triggers.is_empty() && !is_known {

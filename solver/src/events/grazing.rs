@@ -63,7 +63,12 @@ impl<'a> Grazing<'a> {
         } else {
             self.tolerance * terms
         };
-        CLOSE * self.tolerance * past + cut + ROUNDINGS * f64::EPSILON * terms.max(past)
+        // What has no states in it has the size of its series.
+        let own = match past > 0.0 {
+            true => 0.0,
+            false => series::magnitude(self.dense.psi(switch), h, 0),
+        };
+        CLOSE * self.tolerance * past + cut + ROUNDINGS * f64::EPSILON * terms.max(past).max(own)
     }
 
     /// Takes note of the surfaces that came close within a step of `length`, and of the one that
