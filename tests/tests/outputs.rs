@@ -305,3 +305,31 @@ fn infinite_bounds_are_no_switches() {
         }
     }
 }
+
+/// Roots and logarithms of what is cut off, on sides on which another piece of it has none.
+#[test]
+fn what_has_no_value_on_other_sides_has_one_on_its_own() {
+    let x: f64 = 0.9;
+    let cases: [(&str, f64); 8] = [
+        ("cbrt(max(x, 0.2))", x.cbrt()),
+        ("cbrt(min(x, -0.2))", (-0.2_f64).cbrt()),
+        ("cbrt(sat(x, -0.7, 1.1))", x.cbrt()),
+        ("sqrt(abs(max(x, 0.2)))", x.sqrt()),
+        ("sqrt(sat(x, -0.7, 1.1))", x.sqrt()),
+        ("abs(min(x, 2))^1.5", x.powf(1.5)),
+        ("log(sat(x, -0.7, 1.1))", x.ln()),
+        ("1/deadzone(x, 0.1)", 1.0 / (x - 0.1)),
+    ];
+    for (expression, exact) in cases {
+        let text = format!(
+            "model m {{ state x = 0.7; state y = 0; x' = 0.2; y' = 0; output o = {expression}; }}
+             simulate s of m {{ horizon 1; }}"
+        );
+        let found = solved(&text, "s");
+        assert!(
+            (end(&found, "o")[0] - exact).abs() < 1e-12,
+            "{expression}: {:?}",
+            end(&found, "o")
+        );
+    }
+}

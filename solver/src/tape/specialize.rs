@@ -4,7 +4,7 @@
 //! rounding included, and are computed where another operation or an output reads them.
 
 use super::partial::replay;
-use super::term::Term;
+use super::term::{Term, product};
 use super::{Op, Slot, Tape, TapeBuilder, UNUSED, Value};
 use crate::integrate::two_sum::two_sum;
 
@@ -168,17 +168,17 @@ impl<K: Copy + Ord> Linear<K> {
         for &(key, factor) in &other.terms {
             match self.terms.binary_search_by_key(&key, |term| term.0) {
                 Ok(at) => {
-                    let sum = self.terms[at].1 + c * factor;
+                    let sum = self.terms[at].1 + product(c, factor);
                     // What is no number stays, and so does what has no bound.
                     let is_rounding = sum.abs() <= rounding * (c * factor).abs();
                     let is_rounding = is_rounding && sum.is_finite();
                     self.terms[at].1 = if is_rounding { 0.0 } else { sum };
                 }
-                Err(at) => self.terms.insert(at, (key, c * factor)),
+                Err(at) => self.terms.insert(at, (key, product(c, factor))),
             }
         }
         self.terms.retain(|term| term.1 != 0.0);
-        let added = c * other.constant;
+        let added = product(c, other.constant);
         let (sum, lost) = two_sum(self.constant, added);
         if sum.is_finite() && absorbs(self.constant, added, sum) {
             self.lost += lost;

@@ -16,6 +16,11 @@ use Term::{Multiple, Number};
 /// not, as (x/5000)^100 = 5000^-100 x^100 would.
 const WIDE: f64 = 1e32;
 
+/// A product, of which nothing is left where a factor is zero, as that of a side that is not taken: whatever the other one is.
+pub(super) fn product(a: f64, b: f64) -> f64 {
+    if a == 0.0 || b == 0.0 { 0.0 } else { a * b }
+}
+
 /// Whether a factor is within that.
 pub fn is_moderate(factor: f64) -> bool {
     (1.0 / WIDE..=WIDE).contains(&factor.abs())
@@ -36,7 +41,7 @@ impl Term {
     /// `c * self`.
     pub(crate) fn times(self, c: f64) -> Self {
         match self {
-            Number(number) => Number(c * number),
+            Number(number) => Number(product(c, number)),
             Multiple(..) if c == 0.0 => Self::ZERO,
             Multiple(factor, value) => Multiple(c * factor, value),
         }
