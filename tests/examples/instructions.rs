@@ -16,11 +16,12 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 use std::thread;
 
-use nsd_solver::event::{Event, Observer, Segment, Simulator};
+use nsd_solver::event::{Event, Observer, Recording, Segment, Simulator};
 use nsd_solver::fesd;
 use nsd_solver::hybrid::Settings;
 use nsd_solver::integrate::tableau::Family;
 use nsd_solver::moreau::{self, Change};
+use nsd_solver::sensitivity::{Directions, Moment, differentiate};
 use nsd_tests::with_experiment;
 use nsdc::lowering::dcs;
 use nsdc::lowering::hybrid;
@@ -41,7 +42,7 @@ type Work = fn(usize);
 const MANY: usize = 20;
 
 /// Names of workloads, and how many of their runs are counted.
-const WORKLOADS: [(&str, usize, Work); 11] = [
+const WORKLOADS: [(&str, usize, Work); 12] = [
     ("compile friction_chain", 1, |n| {
         for _ in 0..n {
             with_experiment(&example("friction_chain"), "longer", |_| ());
@@ -65,6 +66,7 @@ const WORKLOADS: [(&str, usize, Work); 11] = [
     ("events fast_actuator", MANY, |n| {
         by_events("fast_actuator", "follows", n)
     }),
+    ("derivatives stick_slip", MANY, derivatives),
     ("rows oscillator", MANY, in_rows),
     ("elements oscillator", MANY, by_elements),
     ("steps ball_pile", 1, in_steps),
@@ -254,6 +256,37 @@ fn by_events(file: &str, experiment: &str, runs: usize) {
                 &start(compiled),
                 &mut Silent,
             );
+        }
+    });
+}
+
+/// By five parameters, at as many instants as a figure has.
+fn derivatives(runs: usize) {
+    const ROWS: usize = 200;
+    with_experiment(&example("stick_slip"), "cycles", |compiled| {
+        let (system, horizon) = (&compiled.system, compiled.settings.horizon);
+        let open: Vec<usize> = hybrid::may_be_open(system).into_iter().take(5).collect();
+        let settings = Settings {
+            tolerance: 1e-10,
+            ..Settings::default()
+        };
+        let mut simulator = Simulator::new(hybrid::lower_open(system, horizon, &open), settings);
+        let unit = |d: usize| (0..5).map(|k| f64::from(u8::from(k == d))).collect();
+        let directions = Directions {
+            initial: vec![vec![0.0; system.states.len()]; 5],
+            parameters: (0..5).map(unit).collect(),
+        };
+        let moment = |k: usize| Moment {
+            time: horizon * k as f64 / ROWS as f64,
+            is_behind: true,
+        };
+        let moments: Vec<Moment> = (1..=ROWS).map(moment).collect();
+        for _ in 0..runs {
+            let mut recording = Recording::default();
+            let outcome = simulator.run(0.0, horizon, &start(compiled), &mut recording);
+            let approaches = &outcome.approaches;
+            let found = differentiate(&simulator, &recording, approaches, &directions, &moments);
+            assert!(found.at(ROWS - 1, 4).is_some(), "it is known to the end");
         }
     });
 }

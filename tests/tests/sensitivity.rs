@@ -626,6 +626,20 @@ fn starts_rests_and_limits_have_no_derivative() {
         0.0,
         "starts on a surface",
     );
+    // A relay flips there, for these values alone.
+    for (start, threshold) in [
+        ("0.3", "start = 0); x' = 1 + h"),
+        ("-0.3", "start = 1); x' = h - 2"),
+    ] {
+        loses(
+            &format!(
+                "model m {{ state x = {start}; switch h = hysteresis(x, on = 0.3, off = -0.3, {threshold}; }}
+                 simulate s of m {{ horizon 1; sensitivity to x at 0; }}"
+            ),
+            0.0,
+            "starts on a surface",
+        );
+    }
     // It rests where the field bends.
     loses(
         "model m { state x = 0; x' = abs(x); } simulate s of m { horizon 1; sensitivity to x at 0; }",
@@ -684,6 +698,14 @@ fn laws_set_off_on_one_side_have_no_derivative() {
            every 0.5 { y := y + 0.5*p; } jump j when y >= 1 { y := 0; x := x + 1; } }
         simulate s of m { horizon 0.7; sensitivity to p; }",
         0.5,
+        "meet in one point",
+    );
+    // So does a row of data.
+    loses(
+        "model m { param p = 2; discrete y = 0; state t = 0; t' = 1; signal r = floor(2*time);
+           jump j when r >= p and y < 1 { y := 1; } }
+        simulate s of m { horizon 1.4; sensitivity to p; }",
+        1.0,
         "meet in one point",
     );
     // So does a jump.

@@ -84,6 +84,13 @@ impl Step {
         }
     }
 
+    /// The state `tau` after the start.
+    pub fn values(&self, tau: f64, x: &mut [f64]) {
+        for (i, x) in x.iter_mut().enumerate() {
+            *x = series::value(self.row(i), tau);
+        }
+    }
+
     /// α of all switches `tau` after the start; 1/2 where it is not known, as of what nothing but outputs looks at.
     pub fn alpha(&self, tau: f64, alpha: &mut [f64]) {
         self.known_alpha(tau, alpha);

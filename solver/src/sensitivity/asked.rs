@@ -55,39 +55,59 @@ pub struct Sensitivities {
     /// The share of its terms up to which ψ is zero, as far as the run knows.
     width: f64,
     instants: Vec<Moment>,
-    /// States and all α at the instants, where tangents were known.
-    points: Vec<Vec<f64>>,
-    /// The tangents of states and all α, by direction.
-    tangents: Vec<Vec<Option<Vec<f64>>>>,
+    /// How many states and α there are, and of how many instants they are known.
+    size: usize,
+    n_points: usize,
+    /// States and all α at the instants, up to where nothing is known.
+    points: Vec<f64>,
+    /// The tangents of these, by direction; not numbers where they are not known.
+    tangents: Vec<f64>,
 }
 
 impl Sensitivities {
-    /// Nothing yet of so many directions, at instants in order.
-    pub(crate) fn new(width: f64, n_directions: usize, instants: &[Moment]) -> Self {
+    /// Nothing yet of as many states and α, in so many directions, at instants in order.
+    pub(crate) fn new(width: f64, [size, n_directions]: [usize; 2], instants: &[Moment]) -> Self {
         Sensitivities {
             events: Vec::new(),
             lost: vec![None; n_directions],
             width,
             instants: instants.to_vec(),
-            points: Vec::new(),
-            tangents: Vec::new(),
+            size,
+            n_points: 0,
+            points: Vec::with_capacity(instants.len() * size),
+            tangents: Vec::with_capacity(instants.len() * n_directions * size),
         }
     }
 
     /// The first instant that nothing is known of yet, or one so many behind it.
     pub(crate) fn next(&self, behind: usize) -> Option<Moment> {
-        self.instants.get(self.points.len() + behind).copied()
+        self.instants.get(self.n_points() + behind).copied()
     }
 
     /// How many instants are known.
     pub(crate) fn n_points(&self) -> usize {
-        self.points.len()
+        self.n_points
     }
 
-    /// Takes down the next instant: states and all α, and their tangents by direction.
-    pub(crate) fn push(&mut self, point: Vec<f64>, tangents: Vec<Option<Vec<f64>>>) {
-        self.points.push(point);
-        self.tangents.push(tangents);
+    /// Takes down the next instant: `point` writes states and all α, and `tangent` what moves with a direction, where that is
+    /// known.
+    pub(crate) fn push(
+        &mut self,
+        point: impl FnOnce(&mut [f64]),
+        mut tangent: impl FnMut(usize, &mut [f64]) -> Option<()>,
+    ) {
+        let [n, first] = [self.points.len(), self.tangents.len()];
+        self.n_points += 1;
+        self.points.resize(n + self.size, 0.0);
+        point(&mut self.points[n..]);
+        self.tangents
+            .resize(first + self.lost.len() * self.size, 0.0);
+        let all = self.tangents[first..].chunks_mut(self.size.max(1));
+        for (d, own) in all.enumerate() {
+            if tangent(d, own).is_none() {
+                own.fill(f64::NAN);
+            }
+        }
     }
 
     /// Gives up a direction, unless it is lost.
@@ -142,25 +162,19 @@ impl Sensitivities {
         behind.for_each(|event| event.by[direction] = f64::NAN);
     }
 
-    /// Of the instants that are left nothing is known.
-    pub(crate) fn close(&mut self) {
-        let (n, d) = (self.instants.len(), self.lost.len());
-        self.points.resize(n, Vec::new());
-        self.tangents.resize(n, vec![None; d]);
-    }
-
-    /// The same of another system, whose states and α follow from these, as their tangents do, with those of its switches
-    /// that are among these.
+    /// The same of another system with so many states and α, which follow from these, as their tangents do, with those of its
+    /// switches that are among these.
     pub fn seen(
         mut self,
+        size: usize,
         point: impl Fn(&[f64]) -> Vec<f64>,
         tangent: impl Fn(&[f64]) -> Vec<f64>,
         switch: impl Fn(usize) -> Option<usize>,
     ) -> Self {
-        let points = self.points.iter_mut().filter(|own| !own.is_empty());
-        points.for_each(|own| *own = point(own));
-        let tangents = self.tangents.iter_mut().flatten().flatten();
-        tangents.for_each(|own| *own = tangent(own));
+        let own = self.size.max(1);
+        self.points = self.points.chunks(own).flat_map(point).collect();
+        self.tangents = self.tangents.chunks(own).flat_map(tangent).collect();
+        self.size = size;
         for loss in self.lost.iter_mut().flatten() {
             loss.switches = loss.switches.iter().filter_map(|&k| switch(k)).collect();
         }
@@ -171,8 +185,12 @@ impl Sensitivities {
     /// known.
     pub fn at(&self, instant: usize, direction: usize) -> Option<&[f64]> {
         let Moment { time, is_behind } = self.instants[instant];
+        if instant >= self.n_points {
+            return None;
+        }
         let is_lost = |loss: &Loss| time > loss.time || time == loss.time && is_behind;
-        let known = self.tangents[instant][direction].as_deref()?;
+        let first = (instant * self.lost.len() + direction) * self.size;
+        let known = &self.tangents[first..][..self.size];
         let is_known = !self.lost[direction].as_ref().is_some_and(is_lost);
         is_known
             .then_some(known)
@@ -187,6 +205,9 @@ impl Sensitivities {
     /// The state and all α of that instant, nothing behind losses of all directions; an α is not a number where nothing but
     /// outputs looks at it.
     pub fn point(&self, instant: usize) -> &[f64] {
-        &self.points[instant]
+        match instant < self.n_points {
+            true => &self.points[instant * self.size..][..self.size],
+            false => &[],
+        }
     }
 }

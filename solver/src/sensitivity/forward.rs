@@ -1,17 +1,20 @@
 //! The pass from the start of a run to its end.
 
+use wide::f64x4;
+
 use super::asked::{Directions, EventTime, Moment, Sensitivities};
 use super::functions::{Functions, Linearized, Moved, Point};
 use super::meeting::{Algebraic, Held, Known, Meeting};
 use super::run::Run;
 use super::saltation::{Crossing, Saltation};
 use super::sizes::Sizes;
-use super::taylor::{LANES, Slopes, Tangent, in_lanes, of_lane};
+use super::taylor::{LANES, Slopes, in_lanes, of_lane};
 use super::variational::{self, Variational, Way};
 use super::why::{Loss, Why};
 use crate::event::recording::{EventRecord, Part, Recording, Step};
 use crate::events::Approach;
 use crate::hybrid::Side;
+use crate::tape::Lane;
 
 /// The tangents of a run, so far.
 pub(super) struct Forward<'r> {
@@ -69,7 +72,8 @@ impl Trace {
 
     /// Slopes that are kept as long as there is room.
     fn kept(&mut self, slopes: Option<Slopes>) -> Option<Box<Slopes>> {
-        let slopes = slopes.filter(|slopes| self.kept + slopes.size() <= Self::MOST)?;
+        let mut slopes = slopes.filter(|slopes| self.kept + slopes.size() <= Self::MOST)?;
+        slopes.shrink();
         self.kept += slopes.size();
         Some(Box::new(slopes))
     }
@@ -112,7 +116,11 @@ impl<'r> Forward<'r> {
         Forward {
             functions: Functions::new(run, &directions.parameters),
             tangents: directions.initial.iter().cloned().map(Some).collect(),
-            found: Sensitivities::new(run.accuracy.width(), directions.len(), instants),
+            found: Sensitivities::new(
+                run.accuracy.width(),
+                [n + run.system.n_switches(), directions.len()],
+                instants,
+            ),
             x: vec![0.0; n],
             sides: None,
             sizes: Sizes::new(n, directions.len()),
@@ -171,7 +179,6 @@ impl<'r> Forward<'r> {
                 }
             }
         }
-        self.found.close();
     }
 
     /// Gives up some directions.
@@ -278,7 +285,20 @@ impl<'r> Forward<'r> {
             instant: 0.0,
             f: slope,
         };
-        let held = meeting.held(&mut self.functions, &known, [&[], &[]]);
+        let mut held = meeting.held(&mut self.functions, &known, [&[], &[]]);
+        // A relay that flips at the start is at the threshold of the side that it remembers.
+        let system = &self.run.system;
+        let remembered = |(i, side): (usize, &Side)| system.relay(i).unwrap_or(*side);
+        let begun: Vec<Side> = step.sides.iter().enumerate().map(remembered).collect();
+        if begun != *step.sides {
+            let meeting = Meeting {
+                sides: &begun,
+                ..meeting
+            };
+            let flipped = meeting.held(&mut self.functions, &known, [&[], &[]]);
+            let flipped = flipped.into_iter();
+            held.extend(flipped.filter(|held| begun[held.switch] != step.sides[held.switch]));
+        }
         let mut lost = Vec::new();
         for (d, tangent) in self.tangents.iter().enumerate() {
             let Some(tangent) = tangent else { continue };
@@ -484,16 +504,20 @@ impl<'r> Forward<'r> {
             let mode = self.functions.mode(sides);
             let point = self.point(instant.time, x, &[], &coefficients);
             let linear = self.functions.solved(&mode, &point, &mut alpha);
-            let of_direction = |(d, tangent): (usize, &Option<Vec<f64>>)| {
-                let linear = linear.as_ref().ok()?;
-                Some(whole(&self.functions, linear, tangent.as_ref()?, d))
-            };
-            let tangents = self.tangents.iter().enumerate().map(of_direction).collect();
             if let Some(trace) = &mut self.trace {
                 let row = Row::new(self.found.n_points(), 0.0, linear.as_ref().ok());
                 trace.push(Passed::Row(row));
             }
-            self.found.push([x, &alpha].concat(), tangents);
+            let (functions, tangents) = (&self.functions, &self.tangents);
+            let point = |row: &mut [f64]| {
+                row[..x.len()].copy_from_slice(x);
+                row[x.len()..].copy_from_slice(&alpha);
+            };
+            self.found.push(point, |d, row| {
+                row[..x.len()].copy_from_slice(tangents[d].as_ref()?);
+                slide(functions, linear.as_ref().ok()?, row, d);
+                Some(())
+            });
         }
     }
 
@@ -511,20 +535,13 @@ impl<'r> Forward<'r> {
     }
 }
 
-/// The tangents of states, and behind them those of all α.
-fn whole(
-    functions: &Functions,
-    linear: &Linearized,
-    tangent: &[f64],
-    direction: usize,
-) -> Vec<f64> {
+/// Behind the tangents of states, those of α of what slides.
+fn slide(functions: &Functions, linear: &Linearized, whole: &mut [f64], direction: usize) {
+    let (tangent, alpha) = whole.split_at_mut(linear.f.len());
     let [_, of_k] = linear.along(functions, Moved::still(tangent), direction);
-    let mut whole = tangent.to_vec();
-    whole.resize(tangent.len() + functions.slots.n_switches, 0.0);
-    for (&i, alpha) in linear.sliding.iter().zip(of_k) {
-        whole[tangent.len() + i] = alpha;
+    for (&i, of) in linear.sliding.iter().zip(of_k) {
+        alpha[i] = of;
     }
-    whole
 }
 
 /// What has been seen of tangents along a step: direction, tangent, and terms over time.
@@ -533,24 +550,36 @@ struct Seen(Vec<(usize, Vec<f64>, Vec<f64>)>);
 
 impl Seen {
     fn take(&mut self, functions: &Functions, part: &variational::Part) {
-        let [a, b] = part.ends;
         let known = part.tangents.iter().enumerate();
         let known: Vec<(usize, &[f64])> = known
             .filter_map(|(d, one)| Some((d, &one.as_ref()?.1[..])))
             .collect();
         for lanes in known.chunks(LANES) {
-            let ends: Vec<&[f64]> = lanes.iter().map(|&(_, end)| end).collect();
-            let (ends, by) = (
-                in_lanes(&ends),
-                functions.lanes(lanes.iter().map(|&(d, _)| d)),
-            );
-            let term = |slot, slope| functions.term_lanes(slot, slope, [&ends, &by]);
-            let terms = part.middle.terms_lanes(functions.slots, term);
-            for (lane, &(d, end)) in lanes.iter().enumerate() {
-                let terms = of_lane(&terms, lane).into_iter();
-                let terms = terms.map(|term| (b - a) * term).collect();
-                self.0.push((d, end.to_vec(), terms));
+            match lanes {
+                [_] => self.take_lanes::<f64>(functions, part, lanes),
+                _ => self.take_lanes::<f64x4>(functions, part, lanes),
             }
+        }
+    }
+
+    fn take_lanes<L: Lane>(
+        &mut self,
+        functions: &Functions,
+        part: &variational::Part,
+        lanes: &[(usize, &[f64])],
+    ) {
+        let [a, b] = part.ends;
+        let ends: Vec<&[f64]> = lanes.iter().map(|&(_, end)| end).collect();
+        let (ends, by): (Vec<L>, Vec<L>) = (
+            in_lanes(&ends),
+            functions.lanes(lanes.iter().map(|&(d, _)| d)),
+        );
+        let term = |slot, slope| functions.term_lanes(slot, slope, [&ends, &by]);
+        let terms = part.middle.terms_lanes(functions.slots, term);
+        for (lane, &(d, end)) in lanes.iter().enumerate() {
+            let terms = of_lane(&terms, lane).into_iter();
+            let terms = terms.map(|term| (b - a) * term).collect();
+            self.0.push((d, end.to_vec(), terms));
         }
     }
 }
@@ -577,20 +606,27 @@ impl Sensitivities {
             }
             let tau = (time - step.start).clamp(a, b);
             let tau = if time >= step.until { b } else { tau };
-            let (n, m) = (functions.slots.n_states, functions.slots.n_switches);
-            let (mut x, mut alpha) = (vec![0.0; n], vec![0.0; m]);
-            step.state(tau, &mut x, &mut vec![0.0; n]);
-            step.known_alpha(tau, &mut alpha);
-            let linear = way.linearize(functions, tau);
-            let of_direction = |(d, tangent): (usize, &Option<(Tangent, Vec<f64>)>)| {
-                let tangent = tangent.as_ref()?.0.at(tau - a);
-                Some(whole(functions, linear.as_ref().ok()?, &tangent, d))
-            };
-            let tangents = part.tangents.iter().enumerate().map(of_direction).collect();
+            // Nothing but α asks for more than the tangent.
+            let slides = !way.mode.sliding.is_empty();
+            let linear = slides.then(|| way.linearize(functions, tau));
             if let Some(rows) = &mut rows {
-                rows.push(Row::new(self.n_points(), tau - a, linear.as_ref().ok()));
+                let linear = linear.as_ref().and_then(|linear| linear.as_ref().ok());
+                rows.push(Row::new(self.n_points(), tau - a, linear));
             }
-            self.push([x, alpha].concat(), tangents);
+            let point = |row: &mut [f64]| {
+                let (x, alpha) = row.split_at_mut(functions.slots.n_states);
+                step.values(tau, x);
+                step.known_alpha(tau, alpha);
+            };
+            let functions = &*functions;
+            self.push(point, |d, row| {
+                let (tangent, _) = part.tangents[d].as_ref()?;
+                tangent.read(tau - a, row);
+                if let Some(linear) = &linear {
+                    slide(functions, linear.as_ref().ok()?, row, d);
+                }
+                Some(())
+            });
         }
     }
 }

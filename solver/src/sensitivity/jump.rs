@@ -79,10 +79,10 @@ impl Jumped {
     }
 }
 
-/// The jumps of an event, in order, where they lead to the state behind it.
+/// The jumps of an event, in order, where they lead to the state behind it. Guards see `data` as they are behind the instant.
 pub(super) fn jumped(
     functions: &mut Functions,
-    point: Point,
+    (point, data): (Point, &[f64]),
     (event, coupling): (&EventRecord, &Coupling),
     sizes: &[f64],
 ) -> Result<Vec<Jumped>, Why> {
@@ -110,9 +110,11 @@ pub(super) fn jumped(
             else {
                 break;
             };
-            if !found.is_empty() {
-                jumped.guards = guards(functions, &here, (event, sizes), &laws);
-            }
+            let seen = Point {
+                coefficients: data,
+                ..here
+            };
+            jumped.guards = guards(functions, &seen, (event, sizes), &laws);
             x = behind;
             found.push(jumped);
         }

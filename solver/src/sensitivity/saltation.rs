@@ -251,7 +251,7 @@ impl<'a> Saltation<'a> {
             true => Vec::new(),
             false => jumped(
                 functions,
-                point,
+                (point, self.coefficients[1]),
                 (event, self.run.coupling),
                 &self.sizes.largest,
             )

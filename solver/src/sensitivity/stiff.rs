@@ -180,10 +180,8 @@ fn solved(radau: &mut Radau, problem: &mut Tangent, start: &Start, h: f64) -> Fo
         }
     }
     let n = problem.way.step.end.len();
-    let orders = 0..radau.series(0).len();
-    let orders = orders.flat_map(|k| (0..n).map(move |i| (i, k)));
-    let coefficients = orders.map(|(i, k)| radau.series(i)[k]);
-    let tangent = Polynomial::new(n, coefficients.collect());
+    let series = |i| radau.series(i).iter().copied();
+    let tangent = Polynomial::new(radau.series(0).len(), series, n);
     let end = tangent.at(h);
     Ok((tangent, end))
 }

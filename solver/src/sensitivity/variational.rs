@@ -16,12 +16,12 @@ use super::functions::{Functions, Linearized, ModeFunctions, Moved, Point};
 use super::run::Run;
 use super::sizes::Sizes;
 use super::stiff::Stiff;
-use super::taylor::{LANES, Slopes, Tangent, of_lane};
+use super::taylor::{LANES, Slopes, Tangent, in_lanes, number, of_lane};
 use super::why::Why;
 use crate::event::recording::Step;
 use crate::expansion::series;
 use crate::hybrid::Input;
-use crate::tape::{Ball, NOTHING};
+use crate::tape::{Ball, Lane, NOTHING};
 
 /// Halvings of a step, and after how many that do not converge it is stiff.
 const MOST_HALVINGS: usize = 20;
@@ -186,38 +186,22 @@ fn expanded(
         fastest: OnceCell::new(),
         middle: &middle,
         slopes,
-        h: b - a,
+        ends: [a, b],
         tolerance: way.run.tolerance,
     };
     let known = tangents.iter().enumerate();
     let known: Vec<(usize, &[f64])> = known
         .filter_map(|(d, tangent)| Some((d, tangent.as_deref()?)))
         .collect();
-    let checked =
-        |expansion: &Expansion, functions: &Functions, one, (looked, lane): (&Looked, _)| {
-            let (d, start): (usize, &[f64]) = one;
-            let (largest, share) = (way.sizes.tangents(d), way.least(functions, start, d));
-            let least = |k: usize| share * way.sizes.largest[k];
-            expansion.checked(functions, one, (largest, least), (looked, lane))
-        };
     let mut found: Vec<Option<Found>> = tangents.iter().map(|_| None).collect();
-    'all: for lanes in known.chunks(LANES) {
-        let looked = expansion.look(functions, lanes);
-        for (lane, &one) in lanes.iter().enumerate() {
-            let mut solved = checked(&expansion, functions, one, (&looked, lane));
-            if solved.is_err() {
-                // Rounding of the functions may be why.
-                if expansion.shaken.is_none() {
-                    expansion.shaken = Some(way.shaken(functions, half, NOISE)?);
-                }
-                let again = expansion.look(functions, &[one]);
-                solved = checked(&expansion, functions, one, (&again, 0));
-            }
-            let is_last = is_halved && solved.is_err();
-            found[one.0] = Some(solved);
-            if is_last {
-                break 'all;
-            }
+    for lanes in known.chunks(LANES) {
+        let all = (lanes, is_halved);
+        let is_known = match lanes {
+            [_] => expansion.solve::<f64>(functions, way, all, &mut found)?,
+            _ => expansion.solve::<f64x4>(functions, way, all, &mut found)?,
+        };
+        if !is_known {
+            break;
         }
     }
     let Expansion { slopes, .. } = expansion;
@@ -236,16 +220,16 @@ pub(super) fn difference(v: &[f64], w: &[f64]) -> Vec<f64> {
 }
 
 /// What is seen of tangents along a part, in lanes of directions.
-struct Looked {
-    tangents: Tangent<f64x4>,
+struct Looked<L> {
+    tangents: Tangent<L>,
     /// The largest terms of each entry at the end, and those of the last orders.
-    terms: Vec<[f64x4; 2]>,
+    terms: Vec<[L; 2]>,
     /// S at the end, and the sizes of the terms of its rates.
-    end: Vec<f64x4>,
-    rates: Vec<f64x4>,
+    end: Vec<L>,
+    rates: Vec<L>,
     /// The defects S' - J S - b in the middle and at the end.
-    inside: Vec<f64x4>,
-    missed: Vec<f64x4>,
+    inside: Vec<L>,
+    missed: Vec<L>,
 }
 
 /// The series of tangents along a part of a step.
@@ -257,26 +241,61 @@ struct Expansion<'a> {
     end: Linearized,
     /// In the middle, beside the run by rounding, where that matters.
     shaken: Option<Linearized>,
-    h: f64,
+    /// From the start of the step.
+    ends: [f64; 2],
     tolerance: f64,
 }
 
 impl Expansion<'_> {
+    fn h(&self) -> f64 {
+        self.ends[1] - self.ends[0]
+    }
+
+    /// S of directions from their starts; false behind one that will halve the part.
+    fn solve<L: Lane>(
+        &mut self,
+        functions: &mut Functions,
+        way: Way,
+        (lanes, is_halved): (&[(usize, &[f64])], bool),
+        found: &mut [Option<Found>],
+    ) -> Result<bool, Why> {
+        let looked = self.look::<L>(functions, lanes);
+        for (lane, &one) in lanes.iter().enumerate() {
+            let (d, start) = one;
+            let (largest, share) = (way.sizes.tangents(d), way.least(functions, start, d));
+            let least = |k: usize| share * way.sizes.largest[k];
+            let mut solved = self.checked(functions, one, (&largest, least), (&looked, lane));
+            if solved.is_err() {
+                // Rounding of the functions may be why.
+                if self.shaken.is_none() {
+                    let [a, b] = self.ends;
+                    self.shaken = Some(way.shaken(functions, 0.5 * (a + b), NOISE)?);
+                }
+                let again = self.look::<f64>(functions, &[one]);
+                solved = self.checked(functions, one, (&largest, least), (&again, 0));
+            }
+            let is_last = is_halved && solved.is_err();
+            found[d] = Some(solved);
+            if is_last {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
     /// S of directions from their starts.
-    fn look(&self, functions: &Functions, lanes: &[(usize, &[f64])]) -> Looked {
+    fn look<L: Lane>(&self, functions: &Functions, lanes: &[(usize, &[f64])]) -> Looked<L> {
+        let (h, slots) = (self.h(), functions.slots);
         // What begins at a high order is seen at a second look.
-        let ends = self.shaken.is_none().then_some(self.h);
-        let starts = lanes
-            .iter()
-            .map(|&(d, start)| (start, functions.direction(d)));
-        let tangents = self.slopes.tangents(&starts.collect::<Vec<_>>(), ends);
-        let (h, slots) = (self.h, functions.slots);
-        let by = functions.lanes(lanes.iter().map(|&(d, _)| d));
-        let missed = |linear: &Linearized, [s, mut slope]: [Vec<f64x4>; 2]| {
+        let ends = self.shaken.is_none().then_some(h);
+        let starts: Vec<&[f64]> = lanes.iter().map(|&(_, start)| start).collect();
+        let by: Vec<L> = functions.lanes(lanes.iter().map(|&(d, _)| d));
+        let tangents = self.slopes.tangents([&in_lanes(&starts), &by], ends);
+        let missed = |linear: &Linearized, [s, mut slope]: [Vec<L>; 2]| {
             let term = |slot, slope| functions.term_lanes(slot, slope, [&s, &by]);
             let rates = linear.along_lanes(slots, term);
             for (slope, rate) in slope.iter_mut().zip(rates) {
-                *slope = (*slope - rate).abs();
+                *slope = (*slope - rate).map(f64::abs);
             }
             (s, slope)
         };
@@ -294,16 +313,16 @@ impl Expansion<'_> {
     }
 
     /// S of a direction where it is one, by how large its entries have been, and below which size they are nothing.
-    fn checked(
+    fn checked<L: Lane>(
         &self,
         functions: &Functions,
         (d, start): (usize, &[f64]),
         (largest, least): (impl Fn(usize) -> f64, impl Fn(usize) -> f64),
-        (looked, lane): (&Looked, usize),
+        (looked, lane): (&Looked<L>, usize),
     ) -> Found {
-        let h = self.h;
+        let h = self.h();
         let first_terms = self.slopes.terms(start, functions.direction(d));
-        let of = |numbers: &f64x4| numbers.as_array()[lane];
+        let of = |numbers: &L| number(numbers, lane);
         let known = |k: usize| largest(k).max(start[k].abs()).max(h * first_terms[k]);
         let forced = OnceCell::new();
         for (k, terms) in looked.terms.iter().enumerate() {

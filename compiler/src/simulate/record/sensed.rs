@@ -52,8 +52,9 @@ pub(in crate::simulate) struct Rows<'r> {
     /// Outputs and controls.
     outputs: Differentiated,
     surfaces: Differentiated,
-    /// The inputs of functions by row; none from where on nothing is known.
+    /// The inputs of functions by row, and the slopes of outputs and controls there; none from where on nothing is known.
     inputs: Vec<Option<Vec<f64>>>,
+    partials: Vec<Option<Vec<f64>>>,
     /// How large states have been, of whose share ψ is known.
     sizes: Vec<f64>,
 }
@@ -86,8 +87,16 @@ impl<'r> Rows<'r> {
                 .map(|inputs| inputs[first + i].abs());
             values.fold(0.0, f64::max)
         };
+        let outputs = Differentiated::of(reported.outputs(), first);
+        let mut scratch = outputs.slopes.scratch();
+        let partials = |inputs: &Option<Vec<f64>>| {
+            let mut partials = vec![0.0; outputs.slopes.n_outputs()];
+            (outputs.slopes).eval(inputs.as_ref()?, &mut partials, &mut scratch);
+            Some(partials)
+        };
         Rows {
-            outputs: Differentiated::of(reported.outputs(), first),
+            partials: inputs.iter().map(partials).collect(),
+            outputs,
             surfaces: Differentiated::of(reported.surfaces(system), first),
             sizes: (0..n).map(size).collect(),
             inputs,
@@ -173,7 +182,7 @@ impl<'r> Rows<'r> {
     ) -> Option<()> {
         let [n, m] = self.reported.sizes();
         let first = 1 + self.given.data.len();
-        let partials = evaluated(&self.outputs.slopes, self.inputs[k].as_ref()?);
+        let partials = self.partials[k].as_ref()?;
         for (&(output, input), partial) in self.outputs.entries.iter().zip(partials) {
             let weight = weights[output];
             if weight == 0.0 {
@@ -205,8 +214,8 @@ impl<'r> Rows<'r> {
         let mut looks: Vec<(usize, usize)> = outputs.entries.iter().filter_map(by_switch).collect();
         looks.sort_unstable_by_key(|&(_, switch)| switch);
         let row = |k: usize| {
-            let known = self.found.at(k, direction).zip(self.inputs[k].as_ref());
-            let Some((tangent, inputs)) = known else {
+            let known = self.found.at(k, direction).zip(self.partials[k].as_ref());
+            let Some((tangent, partials)) = known else {
                 return vec![f64::NAN; n_outputs];
             };
             let by = |input: usize| match (input - first).checked_sub(n + m) {
@@ -214,7 +223,6 @@ impl<'r> Rows<'r> {
                 Some(parameter) => parameters[parameter],
             };
             let mut slopes = vec![0.0; n_outputs];
-            let partials = evaluated(&outputs.slopes, inputs);
             for (&(output, input), partial) in outputs.entries.iter().zip(partials) {
                 let by = by(input);
                 slopes[output] += if by == 0.0 { 0.0 } else { partial * by };

@@ -63,7 +63,11 @@ impl<'r> Pass<'r> {
             parameters: Parameters::new(&directions.parameters, of.system.parameters.len()),
             actives: FxHashMap::default(),
             ends: directions.initial.iter().map(start).collect(),
-            found: Sensitivities::new(of.accuracy.width(), d, instants),
+            found: Sensitivities::new(
+                of.accuracy.width(),
+                [n + of.system.n_switches(), d],
+                instants,
+            ),
             sizes: Sizes::new(n, d),
             last: None,
             of,
@@ -93,7 +97,6 @@ impl<'r> Pass<'r> {
                 }
             }
         }
-        self.found.close();
         self.found
     }
 
@@ -454,7 +457,11 @@ impl<'r> Pass<'r> {
         let shape = (self.of.system.n_states(), self.of.clock);
         for row in rows {
             let (point, tangents) = row.whole(shape, lengths);
-            self.found.push(point, tangents);
+            let write = |row: &mut [f64]| row.copy_from_slice(&point);
+            self.found.push(write, |d, row| {
+                row.copy_from_slice(tangents[d].as_ref()?);
+                Some(())
+            });
         }
     }
 

@@ -1,7 +1,5 @@
 //! f and φ_K with their derivatives at a point of a mode.
 
-use wide::f64x4;
-
 use super::{Functions, Moved, Slots};
 use crate::linalg::DenseLu;
 use crate::tape::Lane;
@@ -30,25 +28,25 @@ impl Linearized {
     }
 
     /// The derivatives of f in lanes of directions, by the terms of slopes.
-    pub fn along_lanes(&self, slots: Slots, term: impl Fn(usize, f64) -> f64x4) -> Vec<f64x4> {
+    pub fn along_lanes<L: Lane>(&self, slots: Slots, term: impl Fn(usize, f64) -> L) -> Vec<L> {
         let mut alpha = Vec::new();
         if let Some(equations) = &self.equations {
             alpha = equations.sums(|slot, slope| -term(slot, slope));
             equations.lu.solve_lanes(&mut alpha);
         }
-        self.rates(slots, term, |at, slope| f64x4::splat(slope) * alpha[at])
+        self.rates(slots, term, |at, slope| L::splat(slope) * alpha[at])
     }
 
     /// How large the terms of these are.
-    pub fn terms_lanes(&self, slots: Slots, term: impl Fn(usize, f64) -> f64x4) -> Vec<f64x4> {
-        let size = |slot, slope| term(slot, slope).abs();
+    pub fn terms_lanes<L: Lane>(&self, slots: Slots, term: impl Fn(usize, f64) -> L) -> Vec<L> {
+        let size = |slot, slope| term(slot, slope).map(f64::abs);
         let mut alpha = Vec::new();
         if let Some(equations) = &self.equations {
             alpha = equations.sums(size);
             equations.lu.solve_lanes(&mut alpha);
         }
         self.rates(slots, size, |at, slope| {
-            (f64x4::splat(slope) * alpha[at]).abs()
+            (L::splat(slope) * alpha[at]).map(f64::abs)
         })
     }
 

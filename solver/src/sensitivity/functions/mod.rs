@@ -8,11 +8,8 @@ mod linearized;
 use std::rc::Rc;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use rustc_hash::FxHashMap;
-use wide::f64x4;
-
 use super::run::Run;
-use super::taylor::in_lanes;
+use super::taylor::{in_lanes, times};
 use crate::expansion::field::run_balls;
 use crate::hybrid::form::Library;
 use crate::hybrid::{HybridSystem, Input, Side};
@@ -21,6 +18,7 @@ use crate::tape::{Ball, Lane, Rounded, Tape};
 pub(super) use group::{Group, Psi};
 use linearized::Equations;
 pub(super) use linearized::Linearized;
+use rustc_hash::FxHashMap;
 
 /// Where inputs stand among the slots.
 #[derive(Clone, Copy)]
@@ -319,19 +317,18 @@ impl<'r> Functions<'r> {
     }
 
     /// The same in lanes of states and parameters, at an instant that does not move.
-    pub fn term_lanes(&self, slot: usize, slope: f64, [x, by]: [&[f64x4]; 2]) -> f64x4 {
+    pub fn term_lanes<L: Lane>(&self, slot: usize, slope: f64, [x, by]: [&[L]; 2]) -> L {
         let first = self.slots.parameter(0);
         match slot {
-            0 => f64x4::splat(0.0 * slope),
-            slot if slot <= self.slots.n_states => x[slot - 1] * f64x4::splat(slope),
-            slot if slot < first => f64x4::splat(0.0),
-            slot if slope.is_finite() => by[slot - first] * f64x4::splat(slope),
-            slot => by[slot - first].map(|by| if by == 0.0 { 0.0 } else { slope * by }),
+            0 => L::splat(0.0 * slope),
+            slot if slot <= self.slots.n_states => x[slot - 1] * L::splat(slope),
+            slot if slot < first => L::splat(0.0),
+            slot => times(slope, by[slot - first]),
         }
     }
 
     /// How parameters move in directions, in lanes.
-    pub fn lanes(&self, directions: impl Iterator<Item = usize>) -> Vec<f64x4> {
+    pub fn lanes<L: Lane>(&self, directions: impl Iterator<Item = usize>) -> Vec<L> {
         let rows: Vec<&[f64]> = directions.map(|d| self.direction(d)).collect();
         in_lanes(&rows)
     }

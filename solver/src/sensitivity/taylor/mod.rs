@@ -11,6 +11,8 @@
 
 mod tangent;
 
+use std::ops::Range;
+
 use wide::f64x4;
 
 use super::functions::{Functions, ModeFunctions, Psi, Slots};
@@ -19,14 +21,11 @@ use crate::expansion::series;
 use crate::hybrid::Input;
 use crate::linalg::{DenseLu, Singular};
 use crate::tape::Lane;
-pub(super) use tangent::{Tangent, in_lanes, of_lane};
+pub(super) use tangent::{LANES, Tangent, in_lanes, number, of_lane, times};
 
 /// The highest power of time.
 pub(super) const ORDER: usize = 28;
 const STRIDE: usize = ORDER + 1;
-/// Directions that are followed at once.
-pub(super) const LANES: usize = f64x4::WIDTH;
-
 /// A series in the time since the start of a part.
 pub(super) type Series = [f64; STRIDE];
 
@@ -101,50 +100,73 @@ impl Coefficients {
     }
 
     /// Adds a product with a series in lanes, from an order of this one on, to its coefficient of order k.
-    fn convolve(&self, slope: Slope, with: &Rows, (k, from): (usize, usize), onto: &mut f64x4) {
-        let own = self.of(slope.series);
-        for (j, &c) in own.iter().enumerate().take(k + 1).skip(from) {
-            *onto += f64x4::splat(c) * with.at(k - j, slope.by);
+    fn convolve<L: Lane>(
+        &self,
+        slope: Slope,
+        with: &Rows<L>,
+        (k, from): (usize, usize),
+        onto: &mut L,
+    ) {
+        let (own, orders) = self.meets(slope, (k, from));
+        let mut sum = *onto;
+        for (&c, other) in own.iter().zip(with.row(slope.by)[orders].iter().rev()) {
+            sum = sum + L::splat(c) * *other;
         }
+        *onto = sum;
     }
 
     /// The transpose.
-    fn spread(&self, slope: Slope, weight: f64x4, (k, from): (usize, usize), onto: &mut Rows) {
+    fn spread(
+        &self,
+        slope: Slope,
+        weight: f64x4,
+        (k, from): (usize, usize),
+        onto: &mut Rows<f64x4>,
+    ) {
+        let (own, orders) = self.meets(slope, (k, from));
+        let onto = &mut onto.row_mut(slope.by)[orders];
+        for (&c, onto) in own.iter().zip(onto.iter_mut().rev()) {
+            *onto += f64x4::splat(c) * weight;
+        }
+    }
+
+    /// Of a product the coefficient of order k is Σ_j c_j d_{k-j}: the c_j from one on, and the orders of d, in reverse.
+    fn meets(&self, slope: Slope, (k, from): (usize, usize)) -> (&[f64], Range<usize>) {
         let own = self.of(slope.series);
-        for (j, &c) in own.iter().enumerate().take(k + 1).skip(from) {
-            *onto.at_mut(k - j, slope.by) += f64x4::splat(c) * weight;
+        let len = own.len().min(k + 1);
+        match from < len {
+            true => (&own[from..len], k + 1 - len..k + 1 - from),
+            false => (&[], 0..0),
         }
     }
 }
 
-/// Series in lanes, order by order.
-struct Rows {
-    n: usize,
-    coefficients: Vec<f64x4>,
+/// Series in lanes.
+struct Rows<L> {
+    coefficients: Vec<L>,
 }
 
-impl Rows {
+impl<L: Lane> Rows<L> {
     fn new(n: usize) -> Self {
         Rows {
-            n,
-            coefficients: vec![f64x4::splat(0.0); n * STRIDE],
+            coefficients: vec![L::splat(0.0); n * STRIDE],
         }
     }
 
-    fn at(&self, k: usize, i: usize) -> f64x4 {
-        self.coefficients[k * self.n + i]
+    fn row(&self, i: usize) -> &[L] {
+        &self.coefficients[i * STRIDE..][..STRIDE]
     }
 
-    fn at_mut(&mut self, k: usize, i: usize) -> &mut f64x4 {
-        &mut self.coefficients[k * self.n + i]
+    fn row_mut(&mut self, i: usize) -> &mut [L] {
+        &mut self.coefficients[i * STRIDE..][..STRIDE]
     }
 
-    fn order(&self, k: usize) -> &[f64x4] {
-        &self.coefficients[k * self.n..][..self.n]
+    fn order(&self, k: usize) -> impl Iterator<Item = L> + '_ {
+        self.coefficients.iter().skip(k).step_by(STRIDE).copied()
     }
 
-    fn order_mut(&mut self, k: usize) -> &mut [f64x4] {
-        &mut self.coefficients[k * self.n..][..self.n]
+    fn order_mut(&mut self, k: usize) -> impl Iterator<Item = &mut L> {
+        self.coefficients.iter_mut().skip(k).step_by(STRIDE)
     }
 }
 
@@ -238,7 +260,6 @@ impl Slopes {
                 rates.add(state, by, series);
             }
         }
-        coefficients.0.shrink_to_fit();
         Ok(Slopes {
             lu: factored(mode, &phi, &coefficients)?,
             coefficients,
@@ -246,6 +267,11 @@ impl Slopes {
             phi,
             n_sliding: mode.sliding.len(),
         })
+    }
+
+    /// Gives back what it has room for.
+    pub fn shrink(&mut self) {
+        self.coefficients.0.shrink_to_fit();
     }
 
     /// How many numbers it is.
@@ -310,82 +336,71 @@ impl Slopes {
 
     /// The tangents of directions, up to as many as there are lanes, by their starts and parameters: up to the highest order, or
     /// to where terms of all seem to be nothing h later.
-    pub fn tangents(&self, all: &[(&[f64], &[f64])], h: Option<f64>) -> Tangent<f64x4> {
-        let n = all[0].0.len();
+    pub fn tangents<L: Lane>(&self, [start, by]: [&[L]; 2], h: Option<f64>) -> Tangent<L> {
+        let n = start.len();
         let (mut s, mut a) = (Rows::new(n), Rows::new(self.n_sliding));
-        for (lane, (start, parameters)) in all.iter().enumerate() {
-            for (c, start) in s.order_mut(0).iter_mut().zip(*start) {
-                c.as_mut_array()[lane] = *start;
-            }
-            let own = [(&self.rates, &mut s, 1), (&self.phi, &mut a, 0)];
-            for (slopes, rows, first) in own {
-                for slope in slopes
-                    .parameters
-                    .iter()
-                    .filter(|slope| parameters[slope.by] != 0.0)
-                {
-                    let series = self.coefficients.of(slope.series);
-                    for (k, c) in series.iter().enumerate().take(STRIDE - first) {
-                        rows.at_mut(k + first, slope.of).as_mut_array()[lane] +=
-                            c * parameters[slope.by];
-                    }
+        (s.order_mut(0).zip(start)).for_each(|(c, start)| *c = *start);
+        for (slopes, rows, first) in [(&self.rates, &mut s, 1), (&self.phi, &mut a, 0)] {
+            for slope in &slopes.parameters {
+                let series = self.coefficients.of(slope.series);
+                let onto = rows.row_mut(slope.of)[first..].iter_mut();
+                for (onto, &c) in onto.zip(series) {
+                    *onto = *onto + times(c, by[slope.by]);
                 }
             }
         }
-        let mut ending = h.map(|h| Ending::new(s.order(0), h));
-        let mut order = vec![f64x4::splat(0.0); self.n_sliding];
+        let mut ending = h.map(|h| Ending::new(start, h));
+        let mut order = vec![L::splat(0.0); self.n_sliding];
         let mut count = STRIDE;
-        for k in 0..STRIDE {
-            if let Some(lu) = &self.lu {
-                order.copy_from_slice(a.order(k));
-                for slope in &self.phi.states {
-                    self.coefficients
-                        .convolve(*slope, &s, (k, 0), &mut order[slope.of]);
-                }
-                for slope in &self.phi.alphas {
-                    self.coefficients
-                        .convolve(*slope, &a, (k, 1), &mut order[slope.of]);
-                }
-                lu.solve_lanes(&mut order);
-                for (c, order) in a.order_mut(k).iter_mut().zip(&order) {
-                    *c = -*order;
-                }
-            }
-            if k == ORDER {
-                break;
-            }
+        for k in 0..ORDER {
+            self.solve_order(k, &s, &mut a, &mut order);
             for slope in &self.rates.states {
-                let mut sum = s.at(k + 1, slope.of);
+                let mut sum = s.row(slope.of)[k + 1];
                 self.coefficients.convolve(*slope, &s, (k, 0), &mut sum);
-                *s.at_mut(k + 1, slope.of) = sum;
+                s.row_mut(slope.of)[k + 1] = sum;
             }
             for slope in &self.rates.alphas {
-                let onto = s.at_mut(k + 1, slope.of);
+                let onto = &mut s.row_mut(slope.of)[k + 1];
                 self.coefficients.convolve(*slope, &a, (k, 0), onto);
             }
-            let share = f64x4::splat(1.0 / (k + 1) as f64);
-            s.order_mut(k + 1).iter_mut().for_each(|c| *c *= share);
-            if ending
-                .as_mut()
-                .is_some_and(|ending| ending.ends(s.order(k + 1)))
-            {
+            let share = L::splat(1.0 / (k + 1) as f64);
+            s.order_mut(k + 1).for_each(|c| *c = *c * share);
+            let ends = |ending: &mut Ending<L>| ending.ends(s.order(k + 1));
+            if ending.as_mut().is_some_and(ends) {
                 count = k + 2;
                 break;
             }
         }
-        s.coefficients.truncate(n * count);
-        Tangent::new(n, s.coefficients)
+        Tangent::new(count, |i| s.row(i)[..count].iter().copied(), n)
+    }
+
+    /// A_k.
+    fn solve_order<L: Lane>(&self, k: usize, s: &Rows<L>, a: &mut Rows<L>, order: &mut [L]) {
+        let Some(lu) = &self.lu else { return };
+        (order.iter_mut().zip(a.order(k))).for_each(|(order, c)| *order = c);
+        for slope in &self.phi.states {
+            self.coefficients
+                .convolve(*slope, s, (k, 0), &mut order[slope.of]);
+        }
+        for slope in &self.phi.alphas {
+            self.coefficients
+                .convolve(*slope, a, (k, 1), &mut order[slope.of]);
+        }
+        lu.solve_lanes(order);
+        for (c, order) in a.order_mut(k).zip(order) {
+            *c = -*order;
+        }
     }
 
     /// The transpose of `tangents`: the weights of S at the start of as many states and, added to what is known of them, those
     /// of the parameters, order by order from the last one.
     pub fn transposed(&self, all: &mut [Back], n: usize) -> Vec<Vec<f64>> {
-        let (mut s, mut a) = (Rows::new(n), Rows::new(self.n_sliding));
+        let (mut s, mut a) = (Rows::<f64x4>::new(n), Rows::new(self.n_sliding));
         for (lane, back) in all.iter().enumerate() {
             for (tau, weights) in back.ends {
                 let mut power = tau.powi(back.from as i32);
                 for k in back.from..STRIDE {
-                    for (c, weight) in s.order_mut(k).iter_mut().zip(weights) {
+                    for (c, weight) in s.order_mut(k).zip(weights) {
                         c.as_mut_array()[lane] += power * weight;
                     }
                     power *= tau;
@@ -395,18 +410,18 @@ impl Slopes {
         let mut order = vec![f64x4::splat(0.0); self.n_sliding];
         for k in (0..ORDER).rev() {
             let share = f64x4::splat(1.0 / (k + 1) as f64);
-            s.order_mut(k + 1).iter_mut().for_each(|c| *c *= share);
+            s.order_mut(k + 1).for_each(|c| *c *= share);
             for slope in &self.rates.states {
-                let weight = s.at(k + 1, slope.of);
+                let weight = s.row(slope.of)[k + 1];
                 self.coefficients.spread(*slope, weight, (k, 0), &mut s);
             }
             for slope in &self.rates.alphas {
-                let weight = s.at(k + 1, slope.of);
+                let weight = s.row(slope.of)[k + 1];
                 self.coefficients.spread(*slope, weight, (k, 0), &mut a);
             }
             let Some(lu) = &self.lu else { continue };
             for (order, c) in order.iter_mut().zip(a.order(k)) {
-                *order = -*c;
+                *order = -c;
             }
             lu.solve_transposed(&mut order);
             for slope in &self.phi.states {
@@ -417,21 +432,22 @@ impl Slopes {
                 self.coefficients
                     .spread(*slope, order[slope.of], (k, 1), &mut a);
             }
-            a.order_mut(k).copy_from_slice(&order);
+            (a.order_mut(k).zip(&order)).for_each(|(c, order)| *c = *order);
         }
         self.weigh(all, [&s, &a]);
-        let start = |lane| of_lane(s.order(0), lane);
+        let first: Vec<f64x4> = s.order(0).collect();
+        let start = |lane| of_lane(&first, lane);
         (0..all.len()).map(start).collect()
     }
 
     /// Adds the weights of parameters: those of rates of order k, and behind them those of φ, times slopes.
-    fn weigh(&self, all: &mut [Back], [s, a]: [&Rows; 2]) {
+    fn weigh(&self, all: &mut [Back], [s, a]: [&Rows<f64x4>; 2]) {
         for (slopes, rows, first) in [(&self.rates, s, 1), (&self.phi, a, 0)] {
             for slope in &slopes.parameters {
                 let (mut sum, mut size) = (f64x4::splat(0.0), f64x4::splat(0.0));
                 let series = self.coefficients.of(slope.series).iter().take(ORDER);
-                for (k, &c) in series.enumerate() {
-                    let term = rows.at(k + first, slope.of) * f64x4::splat(c);
+                for (&c, weight) in series.zip(&rows.row(slope.of)[first..]) {
+                    let term = *weight * f64x4::splat(c);
                     sum += term;
                     size += term.abs();
                 }
@@ -445,37 +461,37 @@ impl Slopes {
 }
 
 /// Whether several orders in a row have been nothing for every entry.
-struct Ending {
+struct Ending<L> {
     h: f64,
     power: f64,
-    largest: Vec<f64x4>,
+    largest: Vec<L>,
     count: usize,
 }
 
-impl Ending {
+impl<L: Lane> Ending<L> {
     /// So many orders, below this part of the largest term.
     const ORDERS: usize = 3;
     const NOTHING: f64 = 1e-18;
 
-    fn new(start: &[f64x4], h: f64) -> Self {
+    fn new(start: &[L], h: f64) -> Self {
         Ending {
             h,
             power: 1.0,
-            largest: start.iter().map(|s| s.abs()).collect(),
+            largest: start.iter().map(|s| s.map(f64::abs)).collect(),
             count: 0,
         }
     }
 
     /// Takes the coefficients of the next order.
-    fn ends(&mut self, coefficients: &[f64x4]) -> bool {
+    fn ends(&mut self, coefficients: impl Iterator<Item = L>) -> bool {
         self.power *= self.h;
-        let (power, share) = (f64x4::splat(self.power), f64x4::splat(Self::NOTHING));
+        let (power, share) = (L::splat(self.power), L::splat(Self::NOTHING));
         let mut is_nothing = true;
         for (largest, c) in self.largest.iter_mut().zip(coefficients) {
-            let term = c.abs() * power;
-            let pairs = term.as_array().iter().zip((share * *largest).to_array());
-            is_nothing &= { pairs }.all(|(term, least)| *term <= least);
-            *largest = largest.max(term);
+            let term = c.map(f64::abs) * power;
+            let excess = term - share * *largest;
+            is_nothing &= (0..L::WIDTH).all(|lane| number(&excess, lane) <= 0.0);
+            *largest = largest.zip(term, f64::max);
         }
         self.count = if is_nothing { self.count + 1 } else { 0 };
         self.count >= Self::ORDERS

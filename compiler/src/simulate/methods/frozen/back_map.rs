@@ -107,7 +107,8 @@ impl BackMap {
                 .find(|contact| contact.switch == frozen);
             own.or(contact.map(|contact| contact.contact))
         };
-        found.seen(point, |tangent| of_switches(tangent, 0.0), switch)
+        let size = n + self.places.len();
+        found.seen(size, point, |tangent| of_switches(tangent, 0.0), switch)
     }
 
     /// What is seen at a state of the frozen system with these values of its open parameters.
