@@ -297,6 +297,33 @@ fn outliers_pull_as_hubers_loss_lets_them() {
     assert!((estimate(&squared, "a").value - 0.4).abs() > 1.0);
 }
 
+/// Twelve points are few, and next to bounds that most residuals are beyond fewer still.
+#[test]
+fn intervals_of_hubers_loss_hold_the_truth_or_are_unknown() {
+    let mut random = Random(11);
+    let mut known = [0; 4];
+    for (known, d) in known.iter_mut().zip([0.2, 0.1, 0.03, 1e-6]) {
+        let mut held = 0;
+        for _ in 0..100 {
+            let times = (0..12).map(|k| 0.25 * f64::from(k));
+            let points = times.map(|t| vec![t, 1.5 + 0.4 * t + 0.1 * normal(&mut random)]);
+            let text = format!(
+                "{LINE} fit f of line {{ horizon 3; data \"data.csv\" {{ x -> y; }} free {{ a; b; }} loss huber({d}); }}"
+            );
+            let (_, fit) = fitted(&text, &table("time,y", points));
+            if let Some([low, high]) = estimate(&fit, "a").interval {
+                *known += 1;
+                held += usize::from(low <= 0.4 && 0.4 <= high);
+            }
+        }
+        assert!(10 * held >= 9 * *known, "{d}: {held} of {known}");
+    }
+    assert!(
+        known[0] == 100 && known[1] >= 95 && known[3] == 0,
+        "{known:?}"
+    );
+}
+
 #[test]
 fn what_only_ratios_matter_to_is_named() {
     let truth = |t: f64| (1.3_f64.sqrt() * t).cos();

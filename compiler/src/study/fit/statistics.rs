@@ -2,8 +2,9 @@
 //!
 //! With J C⁻¹ = U Σ Vᵀ, C the lengths of columns, directions C⁻¹ v_i are determined in the order of their singular values; the
 //! covariance of the estimates is s² (JᵀJ)⁻¹ = s² Σ_i (C⁻¹ v_i)(C⁻¹ v_i)ᵀ/σ_i², s² = Σ r²/(m - n). A parameter whose column is
-//! zero is a direction by itself, with σ = 0. With Huber's loss, s² = Σ (ω r)²/(m - n)/κ², κ being the share of residuals
-//! within its bound (Huber & Ronchetti 2009, chapter 7).
+//! zero is a direction by itself, with σ = 0. With Huber's loss, s² = Σ (ω r)²/(m - n)/κ², κ = (i - n)/(m - n) being the share
+//! of residuals within its bound, i of them, without the n that parameters can bring there: for n small next to m that is
+//! i/m/(1 + n/m (m - i)/i) (Huber & Ronchetti 2009, section 7.6), and for small bounds it says that nothing is known.
 
 use nalgebra::{DMatrix, DVector, SVD};
 use nsd_solver::optimization::least_squares::{Linearized, Loss};
@@ -133,8 +134,9 @@ pub(super) fn variance(at: &Linearized, loss: Loss, n_determined: usize) -> Opti
     let freedom = m.checked_sub(n_determined).filter(|&freedom| freedom > 0)?;
     let squares = at.residuals.iter().map(|&r| (loss.weight(r) * r).powi(2));
     let inner = at.residuals.iter().filter(|&&r| loss.weight(r) == 1.0);
-    let share = inner.count() as f64 / m as f64;
-    (share > 0.0).then(|| squares.sum::<f64>() / freedom as f64 / (share * share))
+    let free = inner.count().checked_sub(n_determined)?;
+    let share = free as f64 / freedom as f64;
+    (free > 0).then(|| squares.sum::<f64>() / freedom as f64 / (share * share))
 }
 
 /// The quantile of Student's t: P(|T| <= t) = 0.95 with this many degrees of freedom.
