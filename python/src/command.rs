@@ -5,11 +5,11 @@ use std::io::{self, Write};
 
 use nsdc::cli::{self, Meter, Streams};
 use nsdc::diagnostics;
-use nsdc::limit::Cancel;
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 
 use crate::errors::detached;
+use crate::interrupt::Interrupt;
 
 /// Runs the command line `args`, the name of the program first: the exit code, and what it has written to standard output
 /// and error where that is kept.
@@ -23,7 +23,8 @@ pub fn main(
     progress: bool,
     width: usize,
 ) -> PyResult<(u8, Vec<u8>, Vec<u8>)> {
-    detached(py, || {
+    let interrupt = Interrupt::new();
+    let done = detached(py, || {
         let (mut out, mut err) = (Vec::new(), Vec::new());
         let (mut stdout, mut stderr) = (io::BufWriter::new(io::stdout()), io::stderr());
         let (out_to, err_to): (&mut dyn Write, &mut dyn Write) = match keep {
@@ -35,13 +36,15 @@ pub fn main(
             err: err_to,
             colour,
             meter: Meter::line(progress),
-            cancel: Cancel::default(),
+            cancel: interrupt.cancel.clone(),
             width,
             files: cli::terminal(),
         };
         let exit = cli::run(args, &mut streams);
         (exit as u8, out, err)
-    })
+    })?;
+    interrupt.check()?;
+    Ok(done)
 }
 
 /// The page of a code, `E0101`.

@@ -8,6 +8,7 @@ use nsdc::study::sweep::{Axis, Grid, Row};
 use nsdc::sweep::Rows;
 use nsdc::syntax::Item;
 use nsdc::{Options, threads};
+use numpy::PyArray1;
 use pyo3::exceptions::{PyOSError, PyValueError};
 use pyo3::prelude::*;
 
@@ -99,6 +100,8 @@ impl Project {
         files: Vec<(String, Vec<u8>)>,
         disk: bool,
     ) -> PyResult<Self> {
+        // The interface of NumPy is fetched here: where results become arrays, a signal that waits might raise in between.
+        PyArray1::<f64>::zeros(py, 0, false);
         let files = Recorded::new(files, disk);
         let read = files.clone();
         let project = detached(py, || nsdc::Project::from_files(path, read))?;

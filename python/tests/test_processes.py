@@ -19,6 +19,15 @@ import nsdc
 
 #: Runs for hours.
 ENDLESS = "model m { state x = 1; state y = 0; x' = -y; y' = x + 0.1*sign(x); } simulate s of m { horizon 1e9; }"
+#: Solves for minutes, in threads of its own.
+STARTS = """model m {
+  state x[4] = [1, 0, 0, 0]; control u[2] in [-9, 9];
+  x' = [x[2], u[1] - sign(x[2]), x[4], u[2] - sign(x[1])*x[4]];
+}
+optimize o of m { horizon 3; intervals 30; elements 3; minimize integral(dot(u, u)); final { x = 0; } starts 100; }"""
+#: Runs for minutes, in threads of its own.
+NOISE = """model m { state x = 1; state v = 0; x' = v; v' = -x - sign(v - 0.3*sin(3*time)); }
+simulate s of m { horizon 300; perturb every 0.1 by gauss(0.01); runs 10000; }"""
 
 
 def test_importing_imports_little() -> None:
@@ -86,8 +95,11 @@ def test_threads_run_at_the_same_time() -> None:
         f"nsdc.loads({ENDLESS!r})['s'].run(method='fesd {{ steps = 1000000; }}', horizon=1e5)",
         f"nsdc.loads({ENDLESS!r})['s'].run(method='adaptive')",
         f"[e.run() for e in nsdc.load({str(EXAMPLES / 'sliding_ocp.nsd')!r}).experiments.values()]",
+        f"nsdc.loads({STARTS!r})['o'].run()",
+        f"nsdc.loads({NOISE!r})['s'].run()",
+        f"nsdc.verify(nsdc.loads({ENDLESS!r})['s'])",
     ],
-    ids=["events", "elements", "adaptive", "optimum"],
+    ids=["events", "elements", "adaptive", "optimum", "starts", "runs", "command"],
 )
 def test_an_interrupt_ends_a_run(call: str) -> None:
     code = f"""

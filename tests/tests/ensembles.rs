@@ -1,6 +1,7 @@
 //! Many runs of one experiment: seeds, threads, quantiles, and how often errors throw a state out of a layer.
 
 use nsd_tests::with_source;
+use nsdc::limit::Limit;
 use nsdc::project::ensemble;
 use nsdc::project::ensemble::{LEVELS, Seeded};
 use nsdc::report::{Ensemble, Status, Trajectory};
@@ -47,7 +48,7 @@ fn each<T: Send>(text: &str, read: impl Fn(&Trajectory) -> T + Sync) -> Vec<T> {
             assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
             read(&found)
         };
-        ensemble::over_seeds(source, seeds, 2, work, &mut |_| {})
+        ensemble::over_seeds(source, seeds, (2, &Limit::default()), work, &mut |_| {})
     })
 }
 

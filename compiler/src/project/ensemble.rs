@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
-use crate::limit::Cancel;
+use crate::limit::Limit;
 use crate::project::clock::Clock;
 use crate::report::{Bands, Ensemble, Failure, Status, Trajectory, Warning};
 use crate::simulate::{Plan, Request};
@@ -63,12 +63,13 @@ impl<'e> Seeded<'e> {
 
 /// Calls `work` for every seed, on up to `n_threads` threads, with the experiment compiled once for each of these.
 ///
-/// What it returns comes in the order of the seeds. `heard` is told how many are done. The experiment has compiled
+/// What it returns comes in the order of the seeds. `heard` is told how many are done, and who may end runs by their limit is
+/// asked now and then. The experiment has compiled
 /// without an error before.
 pub fn over_seeds<T: Send>(
     source: Source<'_>,
     seeds: Range<u64>,
-    n_threads: usize,
+    (n_threads, limit): (usize, &Limit),
     work: impl Fn(&mut Seeded<'_>) -> T + Sync,
     heard: &mut dyn FnMut(usize),
 ) -> Vec<T> {
@@ -92,7 +93,7 @@ pub fn over_seeds<T: Send>(
             share.finish(run, work(&mut seeded));
         }
     };
-    let runs = threads::in_order(count, n_threads, &Cancel::default(), each, heard);
+    let runs = threads::in_order(count, n_threads, &limit.asked(), each, heard);
     runs.into_iter().flatten().collect()
 }
 
@@ -130,7 +131,13 @@ pub fn add(
         settings.recording.sampling = Sampling::At(time.clone());
         sample(&seeded.run(&settings, &request), &time)
     };
-    let samples = over_seeds(source, seeds.clone(), n_threads, work, heard);
+    let samples = over_seeds(
+        source,
+        seeds.clone(),
+        (n_threads, &request.limit),
+        work,
+        heard,
+    );
     let failed: Vec<u64> = (seeds.clone().zip(&samples))
         .filter(|(_, sample)| sample.status != Status::Solved)
         .map(|(seed, _)| seed)

@@ -119,6 +119,18 @@ impl Limit {
         Limit { cancel, ..self }
     }
 
+    /// What asks, on whatever thread waits for others, who may end the work, and ends nothing by itself: work that goes on under
+    /// this limit hears of it.
+    pub fn asked(&self) -> Cancel {
+        let cancel = self.cancel.clone();
+        Cancel::asking(move || {
+            if let Some(cancel) = &cancel {
+                cancel.is_canceled();
+            }
+            false
+        })
+    }
+
     /// The time that is left, where it is limited.
     pub fn left(&self) -> Option<Duration> {
         let end = self.end?;

@@ -3,7 +3,6 @@
 use super::solution::{Solution, Status};
 use super::{Options, solve_from};
 use crate::optimization::problem::Mpcc;
-use crate::runtime::limit::Cancel;
 use crate::runtime::threads::Share;
 use crate::runtime::{random, threads};
 
@@ -93,8 +92,8 @@ pub fn multistart<P: Mpcc + Clone + Sync>(
         watch(index, &solution);
         found[index] = Some(solution);
     };
-    let stop = Cancel::default();
-    threads::share_out(starts.len(), n_threads, &stop, work, &mut heard);
+    let asked = options.limit.asked();
+    threads::share_out(starts.len(), n_threads, &asked, work, &mut heard);
     MultiStart::new(found.into_iter().flatten().collect())
 }
 

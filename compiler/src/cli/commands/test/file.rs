@@ -414,7 +414,13 @@ fn other_seeds(
         watching.bar.show(share, || format!("{done} runs"));
     };
     let threads = threads::count();
-    let outcomes = ensemble::over_seeds(source, others.clone(), threads, work, &mut heard);
+    let outcomes = ensemble::over_seeds(
+        source,
+        others.clone(),
+        (threads, &request.limit),
+        work,
+        &mut heard,
+    );
     let mut failed = others
         .zip(outcomes)
         .filter_map(|(seed, outcome)| match outcome {
