@@ -101,6 +101,8 @@ class Folder:
     """Finished chunks of one sweep as Parquet files."""
 
     def __init__(self, path: str | os.PathLike[str], key: str) -> None:
+        if not os.fspath(path):
+            raise ValueError("checkpoint: expected a folder, got an empty path")
         self._path = Path(path)
         self._path.mkdir(parents=True, exist_ok=True)
         told = self._path / "sweep.json"

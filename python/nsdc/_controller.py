@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from ._quantities import finite, given
+from ._quantities import by_name, finite, given
 
 if TYPE_CHECKING:
     from ._experiment import Experiment
@@ -193,7 +193,8 @@ class Controller:
     def state(self, state: Mapping[str, Any]) -> None:
         with self._turn:
             memory, time, values = state["memory"], state["time"], state.get("parameters", {})
-            last = self._given(values)
+            time = None if time is None else self._instant(time)
+            last = self._given(dict(by_name("parameters", values)))
             self._core.remember(memory)
             self._time, self._last = time, last
 

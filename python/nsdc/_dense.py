@@ -7,6 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ._quantities import count, real
+
+#: Polynomials of a run that is accurate to its tolerance say little of derivatives that are higher.
+HIGHEST = 4
+
 
 @dataclass(frozen=True)
 class Dense:
@@ -44,11 +49,12 @@ class Dense:
 
         Where two pieces meet, `side` says which one counts: `left` the one before, `right` the one behind.
         """
-        instants = np.asarray(time, dtype=float)
+        instants = real("time", time)
         if side not in ("left", "right"):
             raise ValueError(f"side: expected 'left' or 'right', got {side!r}")
-        if derivative < 0:
-            raise ValueError(f"derivative: expected 0, 1, 2, .., got {derivative}")
+        derivative = count("derivative", derivative, 0) or 0
+        if derivative > HIGHEST:
+            raise ValueError(f"derivative: expected 0 to {HIGHEST}, which are as good as the run, got {derivative}")
         if not len(self.starts):
             raise ValueError("this method knows its solution at the instants of rows alone")
         first, last = self.starts[0], self.ends[-1]

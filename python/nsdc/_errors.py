@@ -201,11 +201,14 @@ class DerivativeError(RuntimeError):
     solved W0735
     """
 
-    def __init__(self, result: Result) -> None:
-        super().__init__(result)
+    def __init__(self, result: Result, why: str | None = None) -> None:
+        super().__init__(result, why)
         self.result = result
+        self._why = why
 
     def __str__(self) -> str:
+        if self._why is not None:
+            return self._why
         lost = [str(one) for one in self.result.warnings if one.code == "W0735"]
         return "\n".join(lost) or "an output has no derivative at an instant that is asked for"
 

@@ -15,7 +15,9 @@ from . import _core, _sweep
 from ._commands import Emitted, command
 from ._controller import Controller
 from ._function import Function, Pullback, Values
-from ._quantities import ENTRY, Quantities, Quantity, both, count, entry, finite, given, real
+from ._quantities import (
+    ENTRY, Quantities, Quantity, both, by_name, count, entry, finite, flag, given, names, real
+)
 from ._result import Result
 
 if TYPE_CHECKING:
@@ -32,6 +34,9 @@ SETTINGS = {
     "every": "output every",
     "at": "output at",
 }
+
+#: How many characters a setting in words may have: instants become such.
+LONGEST = 1 << 20
 
 
 class Experiment:
@@ -125,11 +130,11 @@ class Experiment:
     def _asked(
         self,
         values: Iterable[tuple[str, Any]],
-        settings: Mapping[str, Any],
+        settings: Mapping[str, Any] | None,
         time_limit: float | None,
     ) -> _core.Asked:
         """What is asked of a run by name: values, and settings, which are also those among the values that are no names."""
-        words, rest = dict(settings), []
+        words, rest = dict(by_name("settings", {} if settings is None else settings)), []
         for name, value in values:
             if name in SETTINGS and name not in self._known:
                 if name in words:
@@ -140,6 +145,8 @@ class Experiment:
         for name in words:
             if name not in SETTINGS:
                 raise TypeError(f"`{name}` is no setting; there are {', '.join(SETTINGS)}")
+        if words.get("every") is not None and words.get("at") is not None:
+            raise TypeError("every, at: rows are at multiples of a time or at instants, not both")
         if time_limit is not None:
             (time_limit,) = finite("time_limit", time_limit, ()).tolist()
             if time_limit < 0:
@@ -184,9 +191,9 @@ class Experiment:
         A run that fails is a result whose `status` says so. `ModelError` where the experiment does not compile, `TypeError`
         for unknown names and for what is no number, `ValueError` for wrong shapes and for numbers that are not finite.
         """
-        asked = self._asked(both(values, params), settings or {}, time_limit)
-        sides = " one_sided" if one_sided else ""
-        return self._run(asked, sensitivities, multipliers, sides=sides)
+        asked = self._asked(both(values, params), settings, time_limit)
+        sides = " one_sided" if flag("one_sided", one_sided) else ""
+        return self._run(asked, names("sensitivities", sensitivities), flag("multipliers", multipliers), sides=sides)
 
     def _run(
         self,
@@ -204,21 +211,19 @@ class Experiment:
         run = self.file._project.run(self.name, asked, weights, (multipliers, is_drawn))
         return Result(run, self, asked)
 
-    def _sensitivity(self, names: Sequence[str]) -> str:
+    def _sensitivity(self, by: Sequence[str]) -> str:
         """The statement that asks for derivatives by parameters and by initial values."""
-        if isinstance(names, str):
-            raise TypeError(f"sensitivities: expected a list of names, got {names!r}")
         known = {**self.parameters, **self.states}
 
         def sensed(name: str) -> str:
             plain = name.removesuffix(" at 0")
             is_start = plain != name
             if plain not in known:
-                plain = entry(known, plain)
+                plain = entry(known, plain, kind="parameter or initial value")
             is_start |= ENTRY.sub(r"\g<base>", plain) in self.states
             return f"{plain} at 0" if is_start else plain
 
-        return f"sensitivity to {', '.join(map(sensed, names))}"
+        return f"sensitivity to {', '.join(map(sensed, by))}"
 
     def prepare(self, **values: Any) -> Experiment:
         """Compiles it for runs that give these values, as the first of them would; the experiment itself."""
@@ -306,8 +311,8 @@ class Experiment:
         """
         known = [*SETTINGS, *KEYWORDS]
         axes, rest = _sweep.split(self._known, both(values, params), known)
-        asked = self._asked(rest, settings or {}, time_limit)
-        plan = _sweep.Plan(self, asked, axes, zip, count("seed", seed, 0))
+        asked = self._asked(rest, settings, time_limit)
+        plan = _sweep.Plan(self, asked, axes, flag("zip", zip), count("seed", seed, 0))
         engine = _sweep.Engine(
             threads=count("threads", threads, 1),
             on=on,
@@ -346,11 +351,14 @@ def _setting(name: str, value: Any) -> float | str:
         numbers = real(name, value)
         if numbers.ndim != 1 or not len(numbers):
             raise ValueError(f"at: expected instants, got an array of shape {numbers.shape}")
-        return f"[{', '.join(map(repr, finite(name, numbers, numbers.shape).tolist()))}]"
+        told = f"[{', '.join(map(repr, finite(name, numbers, numbers.shape).tolist()))}]"
+        if len(told) > LONGEST:
+            raise ValueError(f"at: {len(numbers)} instants are too many for rows; `r(t)` has the states at any number of them")
+        return told
     try:
-        number = float(value)
-    except (TypeError, ValueError):
-        raise TypeError(f"{name}: expected a number or words of the language, got {value!r}") from None
-    if not abs(number) < float("inf"):
-        raise ValueError(f"{name}: {value} is not finite")
-    return number
+        is_number = real(name, value).ndim == 0
+    except TypeError:
+        is_number = False
+    if not is_number:
+        raise TypeError(f"{name}: expected a number or words of the language, got {value!r}")
+    return float(finite(name, value, ())[0])

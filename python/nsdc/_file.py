@@ -12,6 +12,7 @@ from typing import Any
 from . import _core
 from ._errors import Diagnostic, diagnostics
 from ._experiment import Experiment
+from ._quantities import named
 
 
 class File:
@@ -61,7 +62,7 @@ class File:
         return name in self._project.experiments()
 
     def __getitem__(self, name: str) -> Experiment:
-        known = self._project.experiments()
+        known, name = self._project.experiments(), named("name", name)
         if name not in known:
             close = difflib.get_close_matches(name, known, n=1, cutoff=0.0 if len(known) == 1 else 0.6)
             there = f"there are {', '.join(known)}" if known else "the file has none"
@@ -129,9 +130,16 @@ def loads(
     >>> nsdc.loads(text, files=parts)["d"].run().status
     'solved'
     """
+    if not isinstance(text, str):
+        raise TypeError(f"text: expected a text, got {text!r}")
     given = {**(files or {}), name: text}
-    encoded = [(name, text.encode() if isinstance(text, str) else bytes(text)) for name, text in given.items()]
-    return File(name, encoded, False)
+    return File(name, [(name, _encoded(name, text)) for name, text in given.items()], False)
+
+
+def _encoded(name: str, content: Any) -> bytes:
+    if not isinstance(content, (str, bytes, bytearray)):
+        raise TypeError(f"files: expected a text or bytes as `{name}`, got {content!r}")
+    return content.encode() if isinstance(content, str) else bytes(content)
 
 
 def check(text: str, name: str = "text.nsd") -> list[Diagnostic]:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from ._errors import DerivativeError
-from ._quantities import ENTRY, Quantity, both, entry, finite, given, real, rows
+from ._quantities import ENTRY, Quantity, both, by_name, entry, finite, given, named, names, real, rows
 
 if TYPE_CHECKING:
     from ._experiment import Experiment
@@ -42,7 +42,17 @@ class Function:
     >>> jacobian["x"]["a"]
     array([-0.25, -0.5 ])
 
-    `RunError` where a run does not end as `solved`, and `DerivativeError` where a derivative is not known.
+    Where `stop when` ends a run, the values at the end move with the instant at which it does, and so do derivatives:
+
+    >>> fall = nsdc.loads('''
+    ...     model fall { param g = 8; state q = 1; state v = 0; q' = v; v' = -g; }
+    ...     simulate s of fall { horizon 2; stop when q <= 0; }''')["s"]
+    >>> _, jacobian = fall.function(["g"], ["v"]).linearized({})  # v = -√(2 g)
+    >>> float(jacobian["v"]["g"].round(9))
+    -0.25
+
+    `RunError` where a run does not end as `solved`, and `DerivativeError` where a derivative is not known, as those of outputs
+    where `stop when` has ended a run.
     """
 
     def __init__(
@@ -57,11 +67,10 @@ class Function:
         time_limit: float | None = None,
         **values: Any,
     ) -> None:
-        if isinstance(by, str) or isinstance(of, str):
-            raise TypeError("by, of: expected lists of names")
+        by, of = names("by", by), None if of is None else names("of", of)
         known = {**experiment.parameters, **experiment.states}
         reported = {**experiment.states, **experiment.outputs, **experiment.controls}
-        settings = dict(settings or {})
+        settings = dict(by_name("settings", {} if settings is None else settings))
         self._at = None if at is None else real("at", at)
         if self._at is not None:
             if self._at.ndim != 1 or not len(self._at):
@@ -69,13 +78,18 @@ class Function:
             if "at" in settings:
                 raise TypeError("`at` is given twice")
             settings["at"] = self._at
+            if {**settings, **values}.get("every") is not None:
+                raise TypeError("every, at: rows are at multiples of a time or at instants, not both")
         self._experiment = experiment
         self._asked = experiment._asked(both(values, params), settings, time_limit)
         #: What it takes, with shapes.
-        self.inputs = {name: _shape(known, name) for name in by}
+        self.inputs = {name: _shape(known, name, "parameter or initial value") for name in by}
         instants = () if self._at is None else self._at.shape
         #: What it gives, with shapes.
-        self.outputs = {name: instants + _shape(reported, name) for name in (reported if of is None else of)}
+        self.outputs = {
+            name: instants + _shape(reported, name, "state, output or control")
+            for name in (reported if of is None else of)
+        }
         #: The shape of its values' rows.
         self.instants = instants
         #: What it gives, or gives an entry of, with shapes.
@@ -98,10 +112,11 @@ class Function:
         sensitivities: Sequence[str],
         weights: Mapping[str, NDArray[np.float64]] | None = None,
     ) -> Result:
-        for name in inputs:
+        told = by_name("inputs", inputs)
+        for name, _ in told:
             if name not in self.inputs:
                 raise TypeError(f"`{name}` is none of {', '.join(self.inputs)}")
-        values = {**dict(self._asked["values"]), **dict(given(self._experiment._known, inputs.items()))}
+        values = {**dict(self._asked["values"]), **dict(given(self._experiment._known, told))}
         asked: _core.Asked = {**self._asked, "values": list(values.items())}
         flat = None if weights is None else [(name, one.ravel().tolist()) for name, one in weights.items()]
         return self._experiment._run(asked, sensitivities, weights=flat).raise_for_status()
@@ -118,7 +133,25 @@ class Function:
 
     def _some(self, by: Collection[str] | None) -> dict[str, tuple[int, ...]]:
         """These inputs, or all, with shapes."""
-        return {name: shape for name, shape in self.inputs.items() if by is None or name in by}
+        some = list(self.inputs) if by is None else names("by", by)
+        for name in some:
+            if name not in self.inputs:
+                raise TypeError(f"by: `{name}` is none of {', '.join(self.inputs)}")
+        return {name: shape for name, shape in self.inputs.items() if name in some}
+
+    def _is_stopped(self, result: Result) -> bool:
+        """Whether the values are those of an instant at which `stop when` has ended the run."""
+        return self._at is None and bool(result.events) and result.events[-1].kind == "stop"
+
+    def _moved(self, result: Result, name: str) -> NDArray[np.float64]:
+        """How the value of a state at the end of a run moves with the instant that ends it: x' dt/dp."""
+        whole = _whole(self._experiment.states, name)
+        if whole not in self._experiment.states:
+            raise DerivativeError(result, f"`{name}` is no state: where `stop when` ends a run, those alone have derivatives")
+        last = result.time[-1:]
+        rates = {whole: result(last, derivative=1, side="left")[whole]}
+        moved: NDArray[np.float64] = np.multiply.outer(rows(rates, name)[0], result.grad.events.by[-1])
+        return moved
 
     def __call__(self, inputs: Mapping[str, ArrayLike]) -> Values:
         """The values, where it is given these."""
@@ -129,17 +162,27 @@ class Function:
         self, inputs: Mapping[str, ArrayLike], by: Collection[str] | None = None
     ) -> tuple[Values, Jacobian]:
         """The values and all derivatives there, `jacobian["x"]["mu"]` of x by mu; or the derivatives by some inputs alone."""
-        shapes = self._some(by)
+        return self._linearized(inputs, self._some(by), self.outputs)
+
+    def _linearized(
+        self,
+        inputs: Mapping[str, ArrayLike],
+        shapes: dict[str, tuple[int, ...]],
+        of: Collection[str],
+    ) -> tuple[Values, Jacobian]:
+        """The values, and derivatives of some of them by some inputs, which have these shapes."""
         result = self._run(inputs, list(shapes))
         values, (_, places) = self._values(result)
         ends = np.cumsum([np.prod(shape, dtype=int) for shape in shapes.values()])
         jacobian: Jacobian = {}
-        for name, shape in self.outputs.items():
-            derivatives = result.grad[name][places]
+        for name in of:
+            shape, derivatives = self.outputs[name], result.grad[name][places]
+            if self._is_stopped(result):
+                derivatives = derivatives + self._moved(result, name)
             if not np.all(np.isfinite(derivatives)):
                 raise DerivativeError(result)
             parts = zip(shapes.items(), np.split(derivatives, ends[:-1], axis=-1))
-            jacobian[name] = {of: part.reshape(shape + own) for (of, own), part in parts}
+            jacobian[name] = {one: part.reshape(shape + own) for (one, own), part in parts}
         return values, jacobian
 
     def valued(
@@ -159,19 +202,38 @@ class Function:
         """From derivatives of a number by values, of which `valued` has told the rows, to those by the inputs, or by some."""
         (count, places), shapes = rows_of, self._some(by)
         spread = {name: np.zeros((int(count), *shape)) for name, shape in self._whole.items()}
-        for name, one in weights.items():
+        told: Values = {}
+        for name, one in by_name("weights", weights):
             if name not in self.outputs:
                 raise TypeError(f"`{name}` is none of {', '.join(self.outputs)}")
             shape = self.outputs[name]
-            np.add.at(rows(spread, name), places, finite(name, one, shape).reshape(shape))
+            told[name] = finite(name, one, shape).reshape(shape)
+            np.add.at(rows(spread, name), places, told[name])
         weighed = {name: one for name, one in spread.items() if one.any()}
         result = self._run(inputs, list(shapes), weighed)
+        if self._is_stopped(result):
+            return self._summed(inputs, told, shapes)
         gradient = result._of_run().gradient()
         if gradient is None or not np.all(np.isfinite(gradient)):
             raise DerivativeError(result)
         ends = np.cumsum([np.prod(shape, dtype=int) for shape in shapes.values()])
         parts = zip(shapes.items(), np.split(gradient, ends[:-1]))
         return {name: part.reshape(shape) for (name, shape), part in parts}
+
+    def _summed(
+        self,
+        inputs: Mapping[str, ArrayLike],
+        weights: Values,
+        shapes: dict[str, tuple[int, ...]],
+    ) -> Values:
+        """The derivatives of a weighed sum, from those of what has weights."""
+        weighed = {name: one for name, one in weights.items() if one.any()}
+        _, jacobian = self._linearized(inputs, shapes, weighed)
+        found = {name: np.zeros(shape) for name, shape in shapes.items()}
+        for of, one in weighed.items():
+            for name in found:
+                found[name] += np.tensordot(one, jacobian[of][name], axes=one.ndim)
+        return found
 
     def vjp(self, inputs: Mapping[str, ArrayLike]) -> tuple[Values, Pullback]:
         """The values, and what takes derivatives of a number by them to its derivatives by the inputs, in a run and a pass back
@@ -185,7 +247,7 @@ class Function:
 
         `DerivativeError` comes from where it pulls back.
         """
-        inputs = {name: real(name, value) for name, value in inputs.items()}
+        inputs = {name: real(name, value) for name, value in by_name("inputs", inputs)}
         values, rows_of = self.valued(inputs)
 
         def pull(weights: Mapping[str, ArrayLike]) -> Values:
@@ -200,9 +262,9 @@ def _whole(known: Mapping[str, Quantity], name: str) -> str:
     return match["base"] if match else name
 
 
-def _shape(known: Mapping[str, Quantity], name: str) -> tuple[int, ...]:
+def _shape(known: Mapping[str, Quantity], name: str, kind: str) -> tuple[int, ...]:
     """The shape of a quantity or of an entry."""
     if name in known:
         return known[name].shape
-    entry(known, name)
+    entry(known, name, kind=kind)
     return ()

@@ -7,6 +7,7 @@ import html
 import math
 import operator
 import re
+import unicodedata
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -14,6 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+#: What a run may be given.
+GIVEN = "parameter, initial value or input"
 #: `x[1]`, `A[1,2]`: what it is an entry of, and its indices from 1.
 ENTRY = re.compile(r"^(?P<base>.*)\[(?P<indices>[0-9, ]+)\]$")
 
@@ -62,6 +65,42 @@ def entries(name: str, shape: tuple[int, ...]) -> list[str]:
     return [f"{name}[{','.join(str(i + 1) for i in index)}]" for index in indices]
 
 
+def named(argument: str, name: Any) -> str:
+    """A name as the language compares it, in Unicode's form NFKC; `TypeError` where it is none."""
+    if not isinstance(name, str):
+        raise TypeError(f"{argument}: expected a name, got {name!r}")
+    return name if name.isascii() else unicodedata.normalize("NFKC", name)
+
+
+def plain_name(name: str) -> str:
+    """A name in letters, digits and underscores of ASCII, which begins with a letter: `phi` of `φ`, `a` of `ä`."""
+
+    def plain(letter: str) -> str:
+        if letter == "_" or letter.isascii() and letter.isalnum():
+            return letter
+        words = unicodedata.name(letter, "_").split()
+        if unicodedata.combining(letter) or not words[-1].isalpha():
+            return "" if unicodedata.combining(letter) else "_"
+        return words[-1].capitalize() if "CAPITAL" in words else words[-1].lower()
+
+    found = "".join(map(plain, unicodedata.normalize("NFKD", name))).lstrip("_")
+    return found if found[:1].isalpha() else f"x{found}"
+
+
+def names(argument: str, all: Any) -> list[str]:
+    """Names; `TypeError` where they are no list of such."""
+    if isinstance(all, (str, bytes)) or not isinstance(all, Iterable):
+        raise TypeError(f"{argument}: expected a list of names, got {all!r}")
+    return [named(argument, name) for name in all]
+
+
+def by_name(argument: str, values: Any) -> list[tuple[str, Any]]:
+    """Values by names; `TypeError` where there are none."""
+    if not isinstance(values, Mapping):
+        raise TypeError(f"{argument}: expected values by name, got {values!r}")
+    return [(named(argument, name), value) for name, value in values.items()]
+
+
 class Quantities(Mapping[str, Quantity]):
     """Quantities by their names, in order of declaration; a table in a notebook.
 
@@ -75,7 +114,7 @@ class Quantities(Mapping[str, Quantity]):
         self._all = {one["name"]: _quantity(one) for one in described}
 
     def __getitem__(self, name: str) -> Quantity:
-        return self._all[name]
+        return self._all[named("name", name) if isinstance(name, str) else name]
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._all)
@@ -126,7 +165,8 @@ def rows(
 ) -> NDArray[np.float64]:
     """The rows of a quantity or of an entry of one, `x` or `x[1]`; the last axes, so many, are not of the quantity.
 
-    `KeyError` where there is none of that name."""
+    `KeyError` where there is none of that name, and `TypeError` for what is no name."""
+    name = named("name", name)
     if name in values:
         return values[name]
     match = ENTRY.match(name)
@@ -148,12 +188,14 @@ def shaped_like(
     return float(flat[0]) if not shape else flat.reshape(shape)
 
 
-def unknown(name: str, known: Iterable[str], settings: Iterable[str] = ()) -> TypeError:
-    """That a name is none of those that are known."""
+def unknown(
+    name: str, known: Iterable[str], settings: Iterable[str] = (), kind: str = GIVEN
+) -> TypeError:
+    """That a name is none of those that are known, which are of this kind."""
     known, all_known = list(known), [*known, *settings]
     close = difflib.get_close_matches(name, [one for one in all_known if one != name], n=1)
     help = f"did you mean `{close[0]}`?" if close else f"there are {', '.join(known) or 'none'}"
-    return TypeError(f"`{name}` is no parameter, initial value or input; {help}")
+    return TypeError(f"`{name}` is no {kind}; {help}")
 
 
 def finite(name: str, value: Any, shape: tuple[int, ...]) -> NDArray[np.float64]:
@@ -181,18 +223,21 @@ def real(name: str, value: Any) -> NDArray[np.float64]:
         found = np.asarray(value)
     except ValueError:
         raise TypeError(f"{name}: expected numbers of one shape, got {value!r}") from None
-    if found.dtype.kind not in "biuf":
+    # Whole numbers of Python have any size.
+    is_whole = found.dtype == object and all(type(one) is int for one in found.flat)
+    if found.dtype.kind not in "biuf" and not is_whole:
         raise TypeError(f"{name}: expected numbers, got {type(value).__name__} of {found.dtype}")
-    return found.astype(float)
+    try:
+        return found.astype(float)
+    except OverflowError:
+        raise ValueError(f"{name}: expected numbers that a float can hold, got one beyond 1.8e308") from None
 
 
 def both(
     values: Mapping[str, Any], params: Mapping[str, Any] | None
 ) -> list[tuple[str, Any]]:
     """What is given by keywords, and by names."""
-    if params is not None and not isinstance(params, Mapping):
-        raise TypeError(f"params: expected values by name, got {params!r}")
-    return [*values.items(), *(params or {}).items()]
+    return [*by_name("values", values), *by_name("params", {} if params is None else params)]
 
 
 def given(
@@ -215,13 +260,15 @@ def given(
     return list(found.items())
 
 
-def entry(known: Mapping[str, Quantity], name: str, settings: Iterable[str] = ()) -> str:
+def entry(
+    known: Mapping[str, Quantity], name: str, settings: Iterable[str] = (), kind: str = GIVEN
+) -> str:
     """The name of an entry as it stands in the language; `TypeError` where there is none of that name."""
     match = ENTRY.match(name)
     quantity = known.get(match["base"]) if match else None
     plain = re.sub(r"\s", "", name)
     if quantity is None or plain not in quantity.entries:
-        raise unknown(name, known, settings)
+        raise unknown(name, known, settings, kind)
     return plain
 
 
@@ -233,6 +280,13 @@ def count(name: str, value: Any, least: int) -> int | None:
         number = operator.index(value)
     except TypeError:
         raise TypeError(f"{name}: expected a whole number, got {value!r}") from None
-    if number < least:
-        raise ValueError(f"{name}: expected {least} or more, got {number}")
+    if not least <= number < 2**63:
+        raise ValueError(f"{name}: expected {least} or more, and less than 2^63, got {number}")
     return number
+
+
+def flag(name: str, value: Any) -> bool:
+    """Whether something holds; `TypeError` where it is neither true nor false."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise TypeError(f"{name}: expected True or False, got {value!r}")
+    return bool(value)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import json
 import math
-import re
+import os
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
 from os import PathLike
@@ -20,7 +20,7 @@ from ._dense import Dense
 from ._errors import Diagnostic, RunError, diagnostics
 from ._figure import Figure
 from ._gradient import Gradient
-from ._quantities import entries, fixed, rows, shaped_like
+from ._quantities import entries, fixed, plain_name, real, rows, shaped_like
 
 if TYPE_CHECKING:
     import pandas
@@ -28,6 +28,10 @@ if TYPE_CHECKING:
     import xarray
 
     from ._experiment import Experiment
+
+
+#: What results are written as.
+FORMATS = (".json", ".csv", ".svg", ".parquet", ".nc", ".mat")
 
 
 class Event(NamedTuple):
@@ -76,6 +80,17 @@ class Reported(NamedTuple):
     shape: tuple[int, ...]
     #: Its entries at the last instant; none where there is no instant.
     end: NDArray[np.float64]
+
+
+def _plain_names(names: Iterable[Any]) -> dict[str, str]:
+    """Names of letters, digits and underscores of ASCII, which begin with a letter, each another one."""
+    found: dict[str, str] = {}
+    for name in map(str, names):
+        plain = found.get(name, plain_name(name))
+        while name not in found and plain in found.values():
+            plain += "_"
+        found[name] = plain
+    return found
 
 
 def _columns(rows: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
@@ -230,7 +245,7 @@ class Result:
     def __call__(
         self, time: ArrayLike, derivative: int = 0, side: str = "right"
     ) -> dict[str, NDArray[np.float64]]:
-        """States, or their derivatives, at any instants of the run, by name.
+        """States, or their derivatives up to the fourth, at any instants of the run, by name.
 
         Each has the shape of `time`, and that of the state behind it. At an instant where something jumps, `side` says which
         value is meant: `left` the one before, `right` the one behind. `ValueError` outside of the run, and for methods that
@@ -358,8 +373,8 @@ class Result:
         """Instants and values at them: all that is reported at those of rows, or states at others."""
         if at is None:
             return self.time, self._values
-        time = np.array(at, dtype=float)
-        if time.ndim != 1:
+        time = real("at", at)
+        if time.ndim != 1 or not len(time):
             raise ValueError(f"at: expected instants, got an array of shape {time.shape}")
         return time, self(time)
 
@@ -425,8 +440,22 @@ class Result:
         return self.to_arrow().__arrow_c_stream__(requested_schema)
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Writes it to a file: `.json` and `.csv` as the command line does, `.parquet`, `.nc`, `.mat`, and `.svg` its figure."""
+        """Writes it to a file: `.json` and `.csv` as the command line does, `.parquet`, `.nc`, `.mat`, and `.svg` its figure.
+
+        The file is replaced whole, or not at all. Where a format has no names with other letters than those of ASCII, `φ` is
+        `phi`.
+        """
         path = Path(path)
+        if path.suffix not in FORMATS:
+            raise ValueError(f"a result is written as {', '.join(FORMATS)}, not as `{path.suffix}`")
+        written = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
+        try:
+            self._write(written)
+            os.replace(written, path)
+        finally:
+            written.unlink(missing_ok=True)
+
+    def _write(self, path: Path) -> None:
         if path.suffix in (".json", ".csv"):
             text = self.json + "\n" if path.suffix == ".json" else self.csv
             path.write_text(text, encoding="utf-8", newline="")
@@ -437,21 +466,18 @@ class Result:
 
             pyarrow.parquet.write_table(self.to_arrow(), path)
         elif path.suffix == ".nc":
-            self.to_xarray().to_netcdf(path)
-        elif path.suffix == ".mat":
+            table = self.to_xarray()
+            try:
+                table.to_netcdf(path)
+            except UnicodeEncodeError:
+                # Files of version 3, which are written where the library of version 4 is missing.
+                table.rename(_plain_names([*table.variables, *table.dims])).to_netcdf(path)
+        else:
             import scipy.io
 
-            # MATLAB has names of letters, digits and underscores, which begin with a letter.
-            named = {"time": self.time}
-            for name, values in self._values.items():
-                plain = re.sub(r"\W", "_", name).lstrip("_") or "x"
-                while plain in named:
-                    plain += "_"
-                named[plain] = values
-            scipy.io.savemat(path, named)
-        else:
-            known = ".json, .csv, .svg, .parquet, .nc or .mat"
-            raise ValueError(f"a result is written as {known}, not as `{path.suffix}`")
+            plain = _plain_names(["time", *self._values])
+            rows = {"time": self.time, **self._values}
+            scipy.io.savemat(path, {plain[name]: values for name, values in rows.items()})
 
     def plot(self, *names: str, ax: Any = None) -> Any:
         """Its figure, as `nsdc run --plot` draws it; with `names` or `ax`, lines of matplotlib: the axes."""

@@ -21,7 +21,7 @@ from . import _core
 from ._chunks import Folder, Rows, in_chunks
 from ._figure import Figure
 from ._progress import Bar
-from ._quantities import Quantity, entry, finite, real
+from ._quantities import Quantity, entry, finite, names, real
 
 if TYPE_CHECKING:
     import pandas
@@ -175,14 +175,12 @@ class Plan:
         """With the names of what is kept, which are known."""
         if outputs is None:
             return self
-        if isinstance(outputs, str):
-            raise TypeError(f"outputs: expected a list of names, got {outputs!r}")
         known = {**self.experiment.states, **self.experiment.outputs}
-        names = [re.sub(r"\s", "", name) for name in outputs]
-        for name in names:
+        kept = [re.sub(r"\s", "", name) for name in names("outputs", outputs)]
+        for name in kept:
             if name not in known:
-                entry(known, name)
-        return replace(self, outputs=tuple(names))
+                entry(known, name, kind="state or output")
+        return replace(self, outputs=tuple(kept))
 
 
 class Sweep:
@@ -258,7 +256,8 @@ class Sweep:
 
     @property
     def error_estimate(self) -> NDArray[np.float64]:
-        """Estimates of the errors."""
+        """Estimates of the errors at the end, which is all that rows have: those of `Result.error_estimate` are of all rows of
+        a run."""
         return self._shaped(self._rows.error_estimates)
 
     @property

@@ -38,6 +38,18 @@ from models import BALL, BELT, EXAMPLES
         ({"horizon": np.nan}, ValueError, "horizon: nan is not finite"),
         ({"horizon": [1, 2]}, TypeError, "horizon: expected a number"),
         ({"time_limit": -1}, ValueError, "time_limit"),
+        ({"g": 10**400}, ValueError, "g: expected numbers that a float can hold"),
+        ({"horizon": 10**400}, ValueError, "horizon: expected numbers that a float can hold"),
+        ({"horizon": b"1"}, TypeError, "horizon: expected a number or words"),
+        ({"settings": "horizon"}, TypeError, "settings: expected values by name"),
+        ({"params": {1: 2}}, TypeError, "params: expected a name, got 1"),
+        ({"sensitivities": "g"}, TypeError, "sensitivities: expected a list of names"),
+        ({"sensitivities": None}, TypeError, "sensitivities: expected a list of names"),
+        ({"sensitivities": [1]}, TypeError, "sensitivities: expected a name, got 1"),
+        ({"one_sided": "no"}, TypeError, "one_sided: expected True or False"),
+        ({"multipliers": 1}, TypeError, "multipliers: expected True or False"),
+        ({"every": 0.1, "at": [0.5]}, TypeError, "every, at"),
+        ({"at": np.linspace(0, 1, 60_001)}, ValueError, "60001 instants are too many"),
     ],
 )
 def test_wrong_arguments_are_named(
@@ -55,6 +67,24 @@ def test_shapes_are_checked(belt: nsdc.Experiment) -> None:
     whole = belt.run(x=np.array([0.5, -1.0]))
     entries = belt.run(params={"x[1]": 0.5, "x[ 2 ]": -1})
     assert whole["x"].tolist() == entries["x"].tolist()
+
+
+def test_names_are_compared_as_in_the_language() -> None:
+    # The micro sign of keyboards, which is no Greek letter.
+    decay = nsdc.loads("model m { param µ = 0.5; state x = 1; x' = -µ*x; } simulate s of m { horizon 1; }")["s"]
+    assert decay.parameters["µ"].value == decay.parameters["μ"].value == 0.5
+    told = [decay.run(params={name: 2}).end["x"] for name in ("µ", "μ")]
+    assert told[0] == told[1] == decay.run(µ=2).end["x"]
+    assert decay.run(sensitivities=["µ"]).grad.to == ["μ"]
+    assert decay.sweep(params={"µ": [1, 2]})["x"].tolist() == decay.sweep(µ=[1, 2])["x"].tolist()
+    assert decay.function(["µ"])({"µ": 2})["x"] == told[0]
+
+
+def test_texts_are_texts() -> None:
+    with pytest.raises(TypeError, match="text: expected a text"):
+        nsdc.loads(3)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="files: expected a text or bytes as `a.csv`"):
+        nsdc.loads("", files={"a.csv": 5})  # type: ignore[dict-item]
 
 
 def test_entries_are_given_once(belt: nsdc.Experiment) -> None:

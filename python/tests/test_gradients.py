@@ -89,8 +89,8 @@ def test_a_result_keeps_its_derivatives(ball: nsdc.Experiment) -> None:
         ("g", TypeError, "a list of names"),
         (["g", "g"], nsdc.ModelError, "E0531"),
         (["g at 0"], nsdc.ModelError, "E0530|E0527|no sensitivity"),
-        (["energy"], TypeError, "no parameter, initial value"),
-        (["g; horizon 3"], TypeError, "no parameter, initial value"),
+        (["energy"], TypeError, "no parameter or initial value"),
+        (["g; horizon 3"], TypeError, "no parameter or initial value"),
     ],
 )
 def test_wrong_names_are_told(ball: nsdc.Experiment, names: list[str], error: type, match: str) -> None:
@@ -182,6 +182,46 @@ def test_what_has_no_derivative_is_an_error() -> None:
     _, pull = relay.vjp(["a", "x"], x=0)
     with pytest.raises(nsdc.DerivativeError, match="sensitivity to `x at 0`"):
         pull({"x": 1})
+
+
+def test_what_stops_moves_with_its_instant() -> None:
+    """A ball falls to the floor: v = -√(2 g q) there, after √(2 q/g)."""
+    fall = nsdc.loads("""
+        model fall { param g = 9.81; state q = 1; state v[2] = [0, 0]; output e = v[1]^2; q' = v[1]; v' = [-g, 1]; }
+        simulate s of fall { horizon 2; stop when q <= 0; }""")["s"]
+    f, time = fall.function(["g", "q"], ["v", "v[1]"]), np.sqrt(2 / 9.81)
+    exact = {"g": np.array([-np.sqrt(1 / 2 / 9.81), -time / 2 / 9.81]), "q": np.array([-np.sqrt(9.81 / 2), time / 2])}
+    _, jacobian = f.linearized({})
+    _, pull = f.vjp({})
+    for by, slope in exact.items():
+        assert jacobian["v"][by] == pytest.approx(slope, rel=1e-9)
+        assert jacobian["v[1]"][by] == pytest.approx(slope[0], rel=1e-9)
+    pulled = pull({"v": [2, 3], "v[1]": 1})
+    for by, slope in exact.items():
+        assert pulled[by] == pytest.approx(3 * slope[0] + 3 * slope[1], rel=1e-9)
+    # Before that, instants are fixed.
+    _, early = fall.function(["g"], ["v[1]"], at=[0.1]).linearized({})
+    assert early["v[1]"]["g"] == pytest.approx([-0.1])
+    # An output reads more than states.
+    values, pull = fall.vjp(["g"])
+    assert values["e"] == pytest.approx(2 * 9.81)
+    with pytest.raises(nsdc.DerivativeError, match="`e` is no state"):
+        pull({"e": 1})
+
+
+def test_arguments_of_functions_are_named(ball: nsdc.Experiment) -> None:
+    f = ball.function(["g"], ["q"])
+    _, pull = f.vjp({})
+    for call, text in [
+        (lambda: f([]), "inputs: expected values by name"),
+        (lambda: f.vjp(None), "inputs: expected values by name"),
+        (lambda: pull(None), "weights: expected values by name"),
+        (lambda: f.linearized({}, by=["zz"]), "by: `zz`"),
+        (lambda: ball.function([1]), "by: expected a name"),
+        (lambda: ball.function(["g"], at=[0.5], every=0.1), "every, at"),
+    ]:
+        with pytest.raises(TypeError, match=text):
+            call()
 
 
 def test_pulling_back_is_the_transpose_of_derivatives(oscillator: nsdc.Experiment, ball: nsdc.Experiment) -> None:

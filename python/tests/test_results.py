@@ -188,6 +188,50 @@ def test_other_formats_have_the_same_numbers(belt: nsdc.Experiment, tmp_path: Pa
         result.save(tmp_path / "r.xlsx")
 
 
+def test_files_have_names_that_they_can_have(tmp_path: Path) -> None:
+    import scipy.io
+    import xarray
+
+    text = "model m { state φ[2] = [1, 2]; φ' = [0, 0]; state ä = 3; ä' = 0; state _1x = 4; _1x' = 0; state phi = 5; phi' = 0; }"
+    result = nsdc.loads(text + " simulate s of m { horizon 1; }")["s"].run()
+    result.save(tmp_path / "r.mat")
+    found = scipy.io.loadmat(tmp_path / "r.mat")
+    assert {name for name in found if not name.startswith("__")} == {"time", "phi", "a", "x1x", "phi_"}
+    assert np.array_equal(found["phi"], result["φ"]) and np.all(found["phi_"] == 5)
+    result.save(tmp_path / "r.nc")
+    with xarray.open_dataset(tmp_path / "r.nc") as data:
+        name = "φ" if "φ" in data else "phi"
+        assert np.array_equal(data[name], result["φ"])
+
+
+def test_files_are_replaced_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import scipy.io
+
+    result = nsdc.loads("model m { state x = 1; x' = 0; } simulate s of m { horizon 1; }")["s"].run()
+    path = tmp_path / "r.mat"
+    path.write_text("before")
+
+    def fails(path: Path, values: object) -> None:
+        Path(path).write_text("half")
+        raise OSError("the disk is full")
+
+    monkeypatch.setattr(scipy.io, "savemat", fails)
+    with pytest.raises(OSError, match="full"):
+        result.save(path)
+    assert path.read_text() == "before" and list(tmp_path.iterdir()) == [path]
+
+
+def test_high_derivatives_are_refused(ball: nsdc.Experiment) -> None:
+    result = nsdc.loads("model m { state x = 1; x' = -2*x; } simulate s of m { horizon 1; }")["s"].run()
+    for order in range(5):
+        assert result(0.5, derivative=order)["x"] == pytest.approx((-2) ** order * np.exp(-1), rel=1e-7)
+    for order, error in [(5, ValueError), (10**12, ValueError), (-1, ValueError), (1.5, TypeError)]:
+        with pytest.raises(error, match="derivative"):
+            result(0.5, derivative=order)
+    with pytest.raises(TypeError, match="time: expected a number"):
+        result("0.5")
+
+
 def test_units_and_docs_are_kept(ball: nsdc.Experiment) -> None:
     assert ball.doc == "A ball that is let go." and ball.kind == "simulate"
     g = ball.parameters["g"]

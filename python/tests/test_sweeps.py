@@ -134,6 +134,11 @@ def test_seeds_belong_to_rows() -> None:
         ({"k": [1], "chunk": 0}, ValueError, "chunk"),
         ({"k": np.ones(4000), "x": np.ones(4000)}, ValueError, "too large"),
         ({"k": [1], "on": "spark"}, TypeError, "on: expected"),
+        ({"k": [1], "zip": "no"}, TypeError, "zip: expected True or False"),
+        ({"k": [1], "outputs": [1]}, TypeError, "outputs: expected a name"),
+        ({"k": [1], "outputs": ["k"]}, TypeError, "`k` is no state or output"),
+        ({"k": [1], "seed": 2**64}, ValueError, "seed: expected 0 or more"),
+        ({"k": [1], "checkpoint": ""}, ValueError, "checkpoint"),
     ],
 )
 def test_wrong_axes_are_named(
