@@ -74,8 +74,8 @@ impl Sensitivities {
             instants: instants.to_vec(),
             size,
             n_points: 0,
-            points: Vec::with_capacity(instants.len() * size),
-            tangents: Vec::with_capacity(instants.len() * n_directions * size),
+            points: Vec::new(),
+            tangents: Vec::new(),
         }
     }
 

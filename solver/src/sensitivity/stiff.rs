@@ -181,7 +181,7 @@ fn solved(radau: &mut Radau, problem: &mut Tangent, start: &Start, h: f64) -> Fo
     }
     let n = problem.way.step.end.len();
     let series = |i| radau.series(i).iter().copied();
-    let tangent = Polynomial::new(radau.series(0).len(), series, n);
+    let tangent = Polynomial::new(n, radau.series(0).len(), series);
     let end = tangent.at(h);
     Ok((tangent, end))
 }

@@ -371,7 +371,7 @@ impl Slopes {
                 break;
             }
         }
-        Tangent::new(count, |i| s.row(i)[..count].iter().copied(), n)
+        Tangent::new(n, count, |i| s.row(i)[..count].iter().copied())
     }
 
     /// A_k.

@@ -17,8 +17,8 @@ pub(in crate::sensitivity) struct Tangent<L = f64> {
 }
 
 impl<L: Lane> Tangent<L> {
-    /// Of so many states, by the coefficients of each, which are so many.
-    pub fn new<C: Iterator<Item = L>>(len: usize, of: impl Fn(usize) -> C, n: usize) -> Self {
+    /// Of n states, by the coefficients of each, of which there are `len`.
+    pub fn new<C: Iterator<Item = L>>(n: usize, len: usize, of: impl Fn(usize) -> C) -> Self {
         let mut coefficients = Vec::with_capacity(n * len);
         (0..n).for_each(|i| coefficients.extend(of(i)));
         Tangent { len, coefficients }
