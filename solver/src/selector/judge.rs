@@ -146,9 +146,9 @@ impl<'a> Judge<'a> {
         let push = |mode: &Mode, i: usize| -> f64 {
             forces.iter().map(|&j| mode.coupling(i, j).abs()).sum()
         };
-        // Some are known not to be, and a contact that is struck has no force in its rate.
-        let are_not = |&i: &usize| pushed[i] >= FAINT || push(mode, i) == 0.0;
-        if forces.iter().any(are_not) {
+        // A contact that is struck has no force in its rate.
+        let is_open = |&i: &usize| pushed[i] < FAINT && push(mode, i) > 0.0;
+        if !forces.iter().any(is_open) {
             return;
         }
         let mut alpha = state.point.alpha.clone();
@@ -156,7 +156,10 @@ impl<'a> Judge<'a> {
         mode.vary(&alpha);
         mode.linearize(group);
         for &i in &forces {
-            pushed[i] = pushed[i].max(mode.phi(i).abs() / push(mode, i));
+            let push = push(mode, i);
+            if push > 0.0 {
+                pushed[i] = pushed[i].max(mode.phi(i).abs() / push);
+            }
         }
         let most = forces.iter().fold(0.0, |most: f64, &i| most.max(pushed[i]));
         if NOTHING < most && most < FAINT {
