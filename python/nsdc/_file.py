@@ -59,7 +59,7 @@ class File:
         return len(self._project.experiments())
 
     def __contains__(self, name: object) -> bool:
-        return name in self._project.experiments()
+        return isinstance(name, str) and named("name", name) in self._project.experiments()
 
     def __getitem__(self, name: str) -> Experiment:
         known, name = self._project.experiments(), named("name", name)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from ._errors import DerivativeError
-from ._quantities import ENTRY, Quantity, both, by_name, entry, finite, given, named, names, real, rows
+from ._quantities import ENTRY, Quantity, both, by_name, entry, finite, given, names, real, rows
 
 if TYPE_CHECKING:
     from ._experiment import Experiment
@@ -78,8 +78,6 @@ class Function:
             if "at" in settings:
                 raise TypeError("`at` is given twice")
             settings["at"] = self._at
-            if {**settings, **values}.get("every") is not None:
-                raise TypeError("every, at: rows are at multiples of a time or at instants, not both")
         self._experiment = experiment
         self._asked = experiment._asked(both(values, params), settings, time_limit)
         #: What it takes, with shapes.
@@ -175,9 +173,10 @@ class Function:
         values, (_, places) = self._values(result)
         ends = np.cumsum([np.prod(shape, dtype=int) for shape in shapes.values()])
         jacobian: Jacobian = {}
+        is_stopped = self._is_stopped(result)
         for name in of:
             shape, derivatives = self.outputs[name], result.grad[name][places]
-            if self._is_stopped(result):
+            if is_stopped:
                 derivatives = derivatives + self._moved(result, name)
             if not np.all(np.isfinite(derivatives)):
                 raise DerivativeError(result)

@@ -20,7 +20,7 @@ from ._dense import Dense
 from ._errors import Diagnostic, RunError, diagnostics
 from ._figure import Figure
 from ._gradient import Gradient
-from ._quantities import entries, fixed, plain_name, real, rows, shaped_like
+from ._quantities import entries, fixed, named, plain_name, real, rows, shaped_like
 
 if TYPE_CHECKING:
     import pandas
@@ -233,7 +233,7 @@ class Result:
         return self.names
 
     def __contains__(self, name: object) -> bool:
-        return name in self._reported
+        return isinstance(name, str) and named("name", name) in self._reported
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
         """The values of a state, output or control, or of an entry: shape (n,), (n, 3) or (n, 3, 3).

@@ -21,7 +21,7 @@ from . import _core
 from ._chunks import Folder, Rows, in_chunks
 from ._figure import Figure
 from ._progress import Bar
-from ._quantities import Quantity, entry, finite, names, real
+from ._quantities import Quantity, entry, finite, named, names, real
 
 if TYPE_CHECKING:
     import pandas
@@ -220,12 +220,12 @@ class Sweep:
         return iter(self._rows.names)
 
     def __contains__(self, name: object) -> bool:
-        return name in self._rows.names
+        return isinstance(name, str) and named("name", name) in self._rows.names
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
         """The values at the end of a state or output, or of an entry: the shape of the sweep, and that of the quantity behind
         it; NaN where a run did not come to its end."""
-        names = self._rows.names
+        names, name = self._rows.names, named("name", name)
         if name in names:
             return self._shaped(self._rows.ends[:, names.index(name)])
         known = {**self._plan.experiment.states, **self._plan.experiment.outputs}

@@ -71,7 +71,12 @@ def test_shapes_are_checked(belt: nsdc.Experiment) -> None:
 
 def test_names_are_compared_as_in_the_language() -> None:
     # The micro sign of keyboards, which is no Greek letter.
-    decay = nsdc.loads("model m { param µ = 0.5; state x = 1; x' = -µ*x; } simulate s of m { horizon 1; }")["s"]
+    text = "model m { param µ = 0.5; state x = 1; state µ2 = 0; x' = -µ*x; µ2' = µ; } simulate µs of m { horizon 1; }"
+    file = nsdc.loads(text)
+    decay = file["µs"]
+    assert "µs" in file and "µ2" in decay.run() and 1 not in file
+    sweep = decay.sweep(µ=[1, 2])
+    assert "µ2" in sweep and sweep["µ2"].tolist() == decay.sweep(µ=[1, 2])["μ2"].tolist()
     assert decay.parameters["µ"].value == decay.parameters["μ"].value == 0.5
     told = [decay.run(params={name: 2}).end["x"] for name in ("µ", "μ")]
     assert told[0] == told[1] == decay.run(µ=2).end["x"]

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use nsd_tests::random::Random;
 use nsdc::expr::Exprs;
+use nsdc::files::Memory;
 use nsdc::limit::{Cancel, Limit};
 use nsdc::report::{Sensitivity, Trajectory};
 use nsdc::session::Session;
@@ -682,6 +683,29 @@ fn surfaces_that_meet_at_once_have_no_derivative() {
     );
 }
 
+/// A row of a table leads onto the bound of a guard, and not to it for a larger parameter.
+#[test]
+fn rows_that_lead_onto_a_guard_have_no_derivative() {
+    let text = "model m { param p = 1; signal r = table(\"d.csv\", \"r\", fit = hold); state y = 0; y' = 1;
+           jump j when r >= p and y < 1.5 { y := 10; } }
+         simulate s of m { horizon 2; sensitivity to p; }";
+    for (values, is_lost) in [("0,0\n1,1\n2,3\n", true), ("0,0\n1,1.5\n2,3\n", false)] {
+        let data = format!("time,r\n{values}");
+        let files: Memory = [("model.nsd", text), ("d.csv", &data)]
+            .into_iter()
+            .collect();
+        let project = Project::from_files("model.nsd", files).expect("the text is there");
+        let found = project.run("s", &Options::default(), &mut ());
+        let run = found.unwrap_or_else(|errors| panic!("{errors}")).trajectory;
+        assert_eq!(warned(&run), is_lost, "{values}");
+        let by = &run.samples.sensitivities[0];
+        assert_eq!(
+            by.until.is_some_and(|until| (until - 1.0).abs() < 1e-9),
+            is_lost
+        );
+    }
+}
+
 #[test]
 fn laws_set_off_on_one_side_have_no_derivative() {
     // Two laws set one state at ln 2, to the same value for these parameters alone.
@@ -700,7 +724,7 @@ fn laws_set_off_on_one_side_have_no_derivative() {
         0.5,
         "meet in one point",
     );
-    // So does a row of data.
+    // So does a step of time that is data.
     loses(
         "model m { param p = 2; discrete y = 0; state t = 0; t' = 1; signal r = floor(2*time);
            jump j when r >= p and y < 1 { y := 1; } }

@@ -79,10 +79,10 @@ impl Jumped {
     }
 }
 
-/// The jumps of an event, in order, where they lead to the state behind it. Guards see `data` as they are behind the instant.
+/// The jumps of an event, in order, where they lead to the state behind it.
 pub(super) fn jumped(
     functions: &mut Functions,
-    (point, data): (Point, &[f64]),
+    point: Point,
     (event, coupling): (&EventRecord, &Coupling),
     sizes: &[f64],
 ) -> Result<Vec<Jumped>, Why> {
@@ -110,11 +110,7 @@ pub(super) fn jumped(
             else {
                 break;
             };
-            let seen = Point {
-                coefficients: data,
-                ..here
-            };
-            jumped.guards = guards(functions, &seen, (event, sizes), &laws);
+            jumped.guards = guards(functions, &here, (event, sizes), &laws);
             x = behind;
             found.push(jumped);
         }

@@ -251,7 +251,7 @@ impl<'a> Saltation<'a> {
             true => Vec::new(),
             false => jumped(
                 functions,
-                (point, self.coefficients[1]),
+                point,
                 (event, self.run.coupling),
                 &self.sizes.largest,
             )
