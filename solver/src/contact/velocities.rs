@@ -12,21 +12,33 @@ use crate::event::state::State;
 use crate::events::bands::BandWidths;
 use crate::expansion::mode::Mode;
 use crate::hybrid::Side;
+use crate::hybrid::point::Point;
 use crate::linalg::redundancy::eliminate;
 
 /// Stops what is closed or sticks.
 pub(crate) fn stabilize(mode: &mut Mode, state: &mut State) {
-    let (mut sides, mut alpha) = (state.point.sides.clone(), state.point.alpha.clone());
+    let mut x = std::mem::take(&mut state.point.x);
+    let has_stopped = stop(mode, &state.point, &state.point.sides, &mut x);
+    state.point.x = x;
+    if has_stopped {
+        redirect_slips(mode, state);
+    }
+}
+
+/// Stops what is closed or sticks on these sides in states x, at the time and with α of a point; false where nothing is
+/// closed.
+pub(crate) fn stop(mode: &mut Mode, point: &Point, taken: &[Side], x: &mut [f64]) -> bool {
+    let (mut sides, mut alpha): (Box<[Side]>, _) = (taken.into(), point.alpha.clone());
     let mut rows = Vec::new();
-    for i in 0..sides.len() {
-        let slides = state.point.sides[i] == Side::Slide;
+    for i in 0..taken.len() {
+        let slides = taken[i] == Side::Slide;
         match mode.system.slip_of(i) {
             None if slides && mode.system.switches[i].is_contact() => {
                 alpha[i] = 0.0;
                 rows.push(i);
             }
             // A force of a contact has no friction in it where α_t is ½.
-            Some(contact) if state.point.sides[contact] == Side::Slide => {
+            Some(contact) if taken[contact] == Side::Slide => {
                 sides[i] = Side::Slide;
                 alpha[i] = 0.5;
                 rows.extend(slides.then_some(i));
@@ -35,20 +47,20 @@ pub(crate) fn stabilize(mode: &mut Mode, state: &mut State) {
         }
     }
     if rows.is_empty() {
-        return;
+        return false;
     }
     mode.enter(&sides);
-    mode.eval(state.point.t, &state.point.x, &alpha);
+    mode.eval(point.t, x, &alpha);
     let mut impulses: Vec<f64> = rows.iter().map(|&row| mode.psi(row)).collect();
     let system = mode.system.clone();
     let of_contacts = Rows::linearize(mode, &rows);
     let mut matrix = of_contacts.couplings(&rows);
     let sticks = |at: usize| system.slip_of(rows[at]).is_some();
     eliminate(&mut matrix, &mut impulses, sticks);
-    of_contacts.take(&mut state.point.x, |switch| {
+    of_contacts.take(x, |switch| {
         rows.binary_search(&switch).ok().map(|at| impulses[at])
     });
-    redirect_slips(mode, state);
+    true
 }
 
 /// Lets what slips do so in the direction that impulses have left.

@@ -5,8 +5,8 @@
 //! state, and no α of one occurs in a rate of the other.
 
 use super::field::Field;
-use super::surfaces::Surfaces;
-use crate::linalg::redundancy::eliminate;
+use super::surfaces::{Surfaces, orientation};
+use crate::linalg::redundancy::{DEPENDENT, eliminate};
 use crate::linalg::{BlockLu, DenseLu, Singular};
 
 /// The sliding switches, cut into components that share no state and no α.
@@ -49,7 +49,8 @@ pub(crate) struct Sliding {
 
 /// α_i - ½ = σ (α_j - ½): the choice where one equation is all there is for two α.
 ///
-/// If σ is the sign of the product of their coefficients, both stay in [0, 1] as long as any choice does.
+/// If σ is the sign of the product of their coefficients, both stay in [0, 1] as long as any choice does. Those of
+/// friction are μλ >= 0 times what the slip velocities are to each other, also where λ is rounding.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Tie {
     pub switch: usize,
@@ -58,6 +59,24 @@ pub(crate) struct Tie {
 }
 
 impl Tie {
+    /// That of two switches whose α have these coefficients in the equation of the second one.
+    pub(crate) fn new(
+        surfaces: &Surfaces,
+        [switch, other]: [usize; 2],
+        coefficient: impl Fn(usize) -> f64,
+    ) -> Self {
+        let sign = match surfaces.is_slip(switch) {
+            true => orientation(surfaces.gradient(switch), surfaces.gradient(other)),
+            false if coefficient(switch) * coefficient(other) < 0.0 => -1.0,
+            false => 1.0,
+        };
+        Tie {
+            switch,
+            other,
+            sign,
+        }
+    }
+
     /// What is zero.
     pub(crate) fn residual(&self, alpha: &[f64]) -> f64 {
         alpha[self.switch] - 0.5 - self.sign * (alpha[self.other] - 0.5)
@@ -192,8 +211,7 @@ impl Sliding {
                 });
                 terms.sum()
             };
-            let product = coefficient(tie.switch) * coefficient(tie.other);
-            tie.sign = if product < 0.0 { -1.0 } else { 1.0 };
+            *tie = Tie::new(surfaces, [tie.switch, tie.other], coefficient);
         }
         for component in 0..self.components.starts.len() - 1 {
             let (start, end) = (
@@ -328,7 +346,18 @@ impl Sliding {
 pub(crate) fn held(matrix: &[f64], n: usize, is_slip: impl Fn(usize) -> bool) -> Vec<bool> {
     let mut rest = matrix.to_vec();
     let solved = eliminate(&mut rest, &mut vec![0.0; n], &is_slip);
-    let depends = |row: usize| is_slip(row) && !solved[row] && matrix[row * n + row] != 0.0;
+    // Its friction says so, or, where its contact does not push, that of the others, which it has nothing to add to.
+    let vanishes = |row: usize| {
+        let largest = |of: &[f64]| {
+            of[row * n..][..n]
+                .iter()
+                .fold(0.0_f64, |l, v| l.max(v.abs()))
+        };
+        largest(matrix) > 0.0 && largest(&rest) <= DEPENDENT * largest(matrix)
+    };
+    let depends = |row: usize| {
+        is_slip(row) && !solved[row] && (matrix[row * n + row] != 0.0 || vanishes(row))
+    };
     // Where normals depend on each other, their forces are not determined, and this does not make them so.
     let determined = (0..n).all(|row| solved[row] || depends(row));
     (0..n).map(|row| determined && depends(row)).collect()
@@ -357,12 +386,9 @@ fn least_changes(
     is_slip: impl Fn(usize) -> bool,
 ) -> Option<Vec<Vec<f64>>> {
     let free: Vec<usize> = (0..n).filter(|&i| !held[i]).collect();
-    let own = |i: usize| matrix[i * n + i].abs();
-    let slips = (0..n).filter(|&i| is_slip(i));
-    let most = slips.fold(0.0_f64, |most, i| most.max(own(i)));
     let weight = |i: usize| match is_slip(i) {
-        true => own(i),
-        false => own(i) * own(i) / most,
+        true => matrix[i * n + i].abs(),
+        false => 0.0,
     };
     let mut lu = DenseLu::new(free.len());
     let entries = free

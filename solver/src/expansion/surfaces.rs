@@ -398,6 +398,15 @@ fn are_parallel(a: &[(usize, f64)], b: &[(usize, f64)]) -> bool {
             .all(|state| (of(a, state) * ratio - of(b, state)).abs() <= size)
 }
 
+/// The sign of r in ∇h_b = r ∇h_a, of gradients by states.
+pub(crate) fn orientation(a: &[(usize, f64)], b: &[(usize, f64)]) -> f64 {
+    let products = a.iter().flat_map(|&(state, first)| {
+        let same = b.iter().filter(move |entry| entry.0 == state);
+        same.map(move |entry| first * entry.1)
+    });
+    1.0_f64.copysign(products.sum())
+}
+
 impl Local {
     fn now(&self) -> &Compiled {
         &self.known[self.now]

@@ -357,13 +357,8 @@ impl<'m> Zeros<'m> {
         let mut before = self.unknowns.iter().take_while(|&&other| other != switch);
         let is_redundant = |&&other: &&usize| mode.surfaces.are_redundant(switch, other);
         let other = *before.find(is_redundant)?;
-        let product = mode.coupling(other, switch) * mode.coupling(other, other);
-        let sign = if product < 0.0 { -1.0 } else { 1.0 };
-        Some(Tie {
-            switch,
-            other,
-            sign,
-        })
+        let coefficient = |alpha: usize| mode.coupling(other, alpha);
+        Some(Tie::new(&mode.surfaces, [switch, other], coefficient))
     }
 
     /// The largest α of a switch that is looked for.

@@ -11,6 +11,7 @@ use std::sync::Arc;
 use crate::contact::friction_disc::{Disc, NearRest};
 use crate::contact::prediction;
 use crate::contact::slip_onset::SlipOnset;
+use crate::contact::velocities;
 use crate::event::state::State;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
@@ -79,6 +80,9 @@ pub(crate) struct Judge<'a> {
     mode: &'a mut Mode,
     system: Arc<HybridSystem>,
     settings: &'a Settings,
+    /// Whether choices begin where their closed contacts have stopped, as the mode that is taken does. Of contacts that depend on
+    /// each other those that are left open have no speed then.
+    has_stopped: bool,
 }
 
 impl<'a> Judge<'a> {
@@ -88,6 +92,15 @@ impl<'a> Judge<'a> {
             system: mode.system.clone(),
             mode,
             settings,
+            has_stopped: false,
+        }
+    }
+
+    /// Judges choices that begin where their closed contacts have stopped.
+    pub(crate) fn stopped(self) -> Self {
+        Judge {
+            has_stopped: true,
+            ..self
         }
     }
 
@@ -332,6 +345,9 @@ impl<'a> Judge<'a> {
             Some(i) => Roots { mode: self.mode }.onto_surface(state, i),
             None => state.point.x.clone(),
         };
+        if root.is_none() && self.has_stopped {
+            velocities::stop(self.mode, &state.point, sides, &mut x);
+        }
         for onset in onsets {
             onset.nudge(self.mode, &state.point, &state.scales, &mut x, t1);
         }

@@ -362,7 +362,7 @@ impl Selector<'_> {
                 }),
             }
         }
-        let valid = self.confirm(state, group, checked, t1);
+        let valid = self.confirm(state, group, checked, (t1, false));
         if !choices.all && valid.len() == 1 {
             state.report.note(Note::Unsearched {
                 time: state.point.t,
@@ -459,28 +459,31 @@ impl Selector<'_> {
         mode.surfaces.stand_for(switch, order);
     }
 
-    /// The choices that their series confirm, one for each solution.
+    /// The choices that their series confirm, one for each solution: those from the states as they are, or, where there is none,
+    /// from where closed contacts have stopped.
     fn confirm(
         &mut self,
         state: &mut State,
         group: &[usize],
         choices: Vec<Checked>,
-        t1: f64,
+        (t1, has_stopped): (f64, bool),
     ) -> Vec<Choice> {
-        let alone = choices.len() == 1;
+        if let [one] = &choices[..]
+            && matches!(one.check, Check::Consistent)
+        {
+            return choices.into_iter().map(|one| one.choice).collect();
+        }
         let deep = (group.iter()).any(|&i| self.mode.surfaces.n_derivatives(i) > 0);
         let mut valid: Vec<(Choice, Option<Verdict>)> = Vec::new();
         for Checked {
             choice,
             check,
             units,
-        } in choices
+        } in &choices
         {
-            if alone && matches!(check, Check::Consistent) {
-                return vec![choice];
-            }
-            let verdict =
-                Judge::new(self.mode, self.settings).verdict(state, group, &choice, &units, t1);
+            let judge = Judge::new(self.mode, self.settings);
+            let mut judge = if has_stopped { judge.stopped() } else { judge };
+            let verdict = judge.verdict(state, group, choice, units, t1);
             let consistent = match check {
                 Check::Tie => verdict.as_ref().is_some_and(|verdict| verdict.agrees),
                 _ => true,
@@ -500,10 +503,10 @@ impl Selector<'_> {
             }
             match known {
                 _ if !consistent => {}
-                None => valid.push((choice, verdict)),
+                None => valid.push((choice.clone(), verdict)),
                 // Where a surface is kept by what keeps another one, it slides as well.
-                Some(at) if deep && slides(&choice) > slides(&valid[at].0) => {
-                    valid[at] = (choice, verdict);
+                Some(at) if deep && slides(choice) > slides(&valid[at].0) => {
+                    valid[at] = (choice.clone(), verdict);
                 }
                 Some(_) => {}
             }
@@ -513,7 +516,11 @@ impl Selector<'_> {
                 break;
             }
         }
-        valid.into_iter().map(|(choice, _)| choice).collect()
+        let is_contact = |&i: &usize| self.system.switches[i].is_contact();
+        match valid.is_empty() && !has_stopped && group.iter().any(is_contact) {
+            true => self.confirm(state, group, choices, (t1, true)),
+            false => valid.into_iter().map(|(choice, _)| choice).collect(),
+        }
     }
 
     /// Looks again at slip velocities that no rate has read so far, where a switch changes that made them so: at rest
