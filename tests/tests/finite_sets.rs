@@ -1,6 +1,7 @@
 //! Controls with finite sets of values, against all of their sequences in closed form.
 
 use nsd_tests::optimum;
+use nsd_tests::random::Random;
 use nsdc::report::Status;
 
 /// What a problem costs with a sequence of values.
@@ -77,5 +78,50 @@ fn contacts_do_not_change_choices() {
         let cost = move |g: &[f64]| (g.iter().sum::<f64>() / 3.0 - r).powi(2);
         let (found, best) = (objective(&text), least(&[-1.0, 0.0, 1.0], 3, &cost));
         assert!(found <= best + 1e-9, "{r}: {found}, not {best}");
+    }
+}
+
+/// x' = a x + b u + c from x₀: over an interval x goes to g x + (b u + c) (g - 1)/a, g = exp(a h). All sequences of few are
+/// tried, however many values differ, and where one keeps a constraint there is a solution.
+#[test]
+fn few_sequences_are_all_tried() {
+    let mut numbers = Random(5);
+    for case in 0..24 {
+        let values: Vec<f64> = numbers.of(&[&[-1.0, 1.0][..], &[-1.0, 0.0, 2.0]]).to_vec();
+        let n = if values.len() == 2 { 6 } else { 4 };
+        let [a, b, c] = [0.0; 3].map(|_| numbers.rounded(0.3, 2.0));
+        let [start, target, push] = [0.0; 3].map(|_| numbers.rounded(-1.0, 1.0));
+        let h = 2.0 / n as f64;
+        let g = (a * h).exp();
+        let end = move |u: &[f64]| {
+            u.iter()
+                .fold(start, |x, u| g * x + (c - b * u) * (g - 1.0) / a)
+        };
+        let sequences = |limit: f64| {
+            let cost = move |u: &[f64]| match end(u) <= limit {
+                true => (end(u) - target).powi(2) + push * h * u.iter().sum::<f64>(),
+                false => f64::INFINITY,
+            };
+            least(&values, n, &cost)
+        };
+        let lowest = least(&values, n, &end);
+        let limits = [f64::INFINITY, lowest + 1e-3];
+        let limit = limits[case % 2];
+        let row = match limit.is_finite() {
+            true => format!("final {{ x <= {limit:?}; }}"),
+            false => String::new(),
+        };
+        let set: Vec<String> = values.iter().map(|value| format!("{value:?}")).collect();
+        let text = format!(
+            "model m {{ state x = {start:?}; control u in {{{}}} = -1; x' = {a:?}*x - {b:?}*u + {c:?}; }}
+             optimize o of m {{ horizon 2; intervals {n}; elements 1; scheme radau_iia(5);
+               minimize integral({push:?}*u) + final((x - ({target:?}))^2); {row} }}",
+            set.join(", ")
+        );
+        let (found, best) = (objective(&text), sequences(limit));
+        assert!(
+            (found - best).abs() <= 1e-5 * best.abs().max(1.0),
+            "{text}: {found}, not {best}"
+        );
     }
 }

@@ -41,7 +41,7 @@ use crate::project::clock::Instant;
 use crate::project::watch::{Counted, Watch};
 use crate::report::{
     Certificate, Confirmation, Failure, Kind, Method, Optimum, Seconds, Stationarity, Stats,
-    Status, Trajectory, Warning,
+    Status, Trajectory, Warning, Way,
 };
 use crate::simulate::{self, Request};
 use crate::system::System;
@@ -162,11 +162,7 @@ impl<'e> Problem<'e> {
         let watch: &mut dyn Watch = &mut Counted::new(watch);
         let Begin { options, .. } = &begin;
         let limit = &options.limit;
-        let found = start::solve(self, &begin, watch);
-        let best = found
-            .best
-            .unwrap_or_else(|| least_violated(&found.solutions));
-        let mut solution = found.solutions[best].clone();
+        let (found, mut solution, way) = found(self, &begin, watch);
         let has_other_modes =
             solution.is_feasible() && branches::has_other_modes(self, &solution.w);
         let in_other_mode = match has_other_modes {
@@ -174,7 +170,7 @@ impl<'e> Problem<'e> {
             false => None,
         };
         let mut before = begin.before.clone();
-        before.push(&solution);
+        before.push(&solution, way);
         solution.stats.iterations = before.iterations;
         let (mut grids, mut ways) = (Vec::new(), before.ways);
         let (confirmation, elsewhere) = match solution.is_feasible() && in_other_mode.is_none() {
@@ -245,6 +241,27 @@ impl<'e> Problem<'e> {
         describe(self, solution, &mut trajectory);
         trajectory.warnings.extend(simulate::sampled(&solved));
         (solved, trajectory)
+    }
+}
+
+/// What all starts lead to, and the best of it with its way. Where a program has no solution before, and they all lose
+/// theirs, it begins again at a simulation.
+fn found(
+    problem: &mut Problem,
+    begin: &Begin,
+    watch: &mut dyn Watch,
+) -> (MultiStart, Solution, Way) {
+    let found = start::solve(problem, begin, watch);
+    let best = found.best;
+    let best = best.unwrap_or_else(|| least_violated(&found.solutions));
+    let solution = found.solutions[best].clone();
+    let is_lost = !solution.is_feasible() && !begin.is_solved_before;
+    let other = is_lost
+        .then(|| checks::confirm::from_simulation(problem, &solution, begin, watch))
+        .flatten();
+    match other {
+        Some(other) => (found, other, Way::Simulation),
+        None => (found, solution, begin.before.next()),
     }
 }
 

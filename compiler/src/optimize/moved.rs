@@ -11,9 +11,11 @@
 //! of the pairs, says in which direction the switch wants to go, where something closes on that side.
 //!
 //! In the same way a part of the trajectory that lies on a surface, where it makes no difference which side counts,
-//! has descriptions in both modes.
+//! has descriptions in both modes, and in one after the other: to all but one of the controls that keep it there,
+//! a small change of it crosses the surface on the way.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use nsd_solver::integrate::tableau::lagrange;
 use nsd_solver::optimization::problem::{Member, Other};
@@ -52,8 +54,99 @@ struct Run {
     length: f64,
     /// How many elements it gets.
     count: usize,
-    /// The member that opens in it and the one that closes, where it gets another mode.
-    swap: Option<(usize, usize)>,
+    /// Where it gets another mode.
+    swap: Option<Swap>,
+}
+
+impl Change {
+    /// The intervals that change with it, of so many.
+    fn beside(&self, n: usize) -> Range<usize> {
+        match *self {
+            Change::Later(k) | Change::Earlier(k) | Change::Plain(k) => k - 1..k + 1,
+            Change::Mode { interval, .. } | Change::Halves { interval, .. } => {
+                interval.saturating_sub(1)..(interval + 2).min(n)
+            }
+        }
+    }
+
+    /// The interval and the number of the run that takes another mode.
+    fn takes_modes_in(&self) -> Option<(usize, usize)> {
+        match *self {
+            Change::Later(_) | Change::Earlier(_) | Change::Plain(_) => None,
+            Change::Mode { interval, run, .. } | Change::Halves { interval, run, .. } => {
+                Some((interval, run))
+            }
+        }
+    }
+
+    /// Gives a run its modes.
+    fn take_modes(&self, touched: &mut BTreeMap<usize, Vec<Run>>) {
+        let Some((interval, run)) = self.takes_modes_in() else {
+            return;
+        };
+        let runs = touched.entry(interval).or_default();
+        match *self {
+            Change::Mode { swap, .. } => runs[run].take(swap),
+            Change::Halves { swaps, .. } => {
+                let halves = runs[run].halves(swaps);
+                runs.splice(run..=run, halves);
+            }
+            Change::Later(_) | Change::Earlier(_) | Change::Plain(_) => {}
+        }
+    }
+}
+
+impl Run {
+    /// When it ends in its interval.
+    fn end(&self) -> f64 {
+        self.start + self.length
+    }
+
+    /// Its mode, for no time.
+    fn of_no_length(&self, start: f64) -> Run {
+        Run {
+            start,
+            length: 0.0,
+            count: 1,
+            ..self.clone()
+        }
+    }
+
+    /// Takes another mode.
+    fn take(&mut self, (opens, closes): Swap) {
+        (self.open[opens], self.open[closes]) = (true, false);
+        self.swap = Some((opens, closes));
+    }
+
+    /// One half after the other.
+    fn halves(&self, swaps: [Option<Swap>; 2]) -> [Run; 2] {
+        let middle = 0.5 * self.length;
+        [0, 1].map(|half| {
+            let mut run = Run {
+                start: self.start + half as f64 * middle,
+                length: middle,
+                count: self.count.div_ceil(2),
+                ..self.clone()
+            };
+            swaps[half].into_iter().for_each(|swap| run.take(swap));
+            run
+        })
+    }
+}
+
+/// The modes of halves that are worth trying where a run may have `others`: its own is one of them unless it is on both sides.
+fn halves(others: &[Swap], open: &[bool]) -> impl Iterator<Item = [Option<Swap>; 2]> {
+    let pairs = others.iter().flat_map(|&(opens, closes)| {
+        let back = others.contains(&(closes, opens)).then_some((closes, opens));
+        let is_on_one = !open[opens];
+        let other = is_on_one.then_some(None).or(back.map(Some));
+        other.into_iter().flat_map(move |other| {
+            let pair = [Some((opens, closes)), other];
+            let turned = is_on_one.then_some([pair[1], pair[0]]);
+            [pair].into_iter().chain(turned)
+        })
+    });
+    pairs.collect::<Vec<_>>().into_iter()
 }
 
 /// Another description.
@@ -69,10 +162,18 @@ enum Change {
     Mode {
         interval: usize,
         run: usize,
-        opens: usize,
-        closes: usize,
+        swap: Swap,
+    },
+    /// The halves of a run have modes of their own, where there is one.
+    Halves {
+        interval: usize,
+        run: usize,
+        swaps: [Option<Swap>; 2],
     },
 }
+
+/// The member that opens and the one that closes.
+type Swap = (usize, usize);
 
 /// A point under construction: what differs from the old one.
 struct Point<'a> {
@@ -210,15 +311,20 @@ impl Moved {
                         self.follow(k, j, m, w, &mut direction);
                     }
                     if near.change(&direction) <= SAME_RATES {
-                        others.push(Change::Mode {
-                            interval,
-                            run,
-                            opens,
-                            closes,
-                        });
+                        others.push((opens, closes));
                     }
                 }
-                changes.push(others);
+                let halves = halves(&others, open).map(|swaps| Change::Halves {
+                    interval,
+                    run,
+                    swaps,
+                });
+                let modes = others.iter().map(|&swap| Change::Mode {
+                    interval,
+                    run,
+                    swap,
+                });
+                changes.push(modes.chain(halves).collect());
             }
         }
         changes
@@ -264,45 +370,25 @@ impl Moved {
         };
         // The intervals that change, and those beside them.
         let mut touched: BTreeMap<usize, Vec<Run>> = BTreeMap::new();
-        let empty = |run: &Run, start: f64| Run {
-            start,
-            length: 0.0,
-            count: 1,
-            ..run.clone()
-        };
         for change in changes {
-            let beside = match *change {
-                Change::Later(k) | Change::Earlier(k) | Change::Plain(k) => k - 1..k + 1,
-                Change::Mode { interval, .. } => {
-                    interval.saturating_sub(1)..(interval + 2).min(runs.len())
-                }
-            };
-            for i in beside {
+            for i in change.beside(runs.len()) {
                 touched.entry(i).or_insert_with(|| runs[i].clone());
             }
-            // All of them are there now.
+            change.take_modes(&mut touched);
+        }
+        self.reach_beyond(changes, runs, &mut touched);
+        for change in changes {
             match change {
                 Change::Later(k) => {
                     let interval = touched.entry(*k).or_default();
-                    interval.insert(0, empty(runs[k - 1].last()?, 0.0));
+                    interval.insert(0, runs[k - 1].last()?.of_no_length(0.0));
                 }
                 Change::Earlier(k) => {
-                    let last = runs[k - 1].last()?;
-                    let end = last.start + last.length;
+                    let end = runs[k - 1].last()?.end();
                     let interval = touched.entry(k - 1).or_default();
-                    interval.push(empty(runs[*k].first()?, end));
+                    interval.push(runs[*k].first()?.of_no_length(end));
                 }
-                Change::Plain(_) => {}
-                &Change::Mode {
-                    interval: i,
-                    run,
-                    opens,
-                    closes,
-                } => {
-                    let run = &mut touched.entry(i).or_default()[run];
-                    (run.open[opens], run.open[closes]) = (true, false);
-                    run.swap = Some((opens, closes));
-                }
+                Change::Plain(_) | Change::Mode { .. } | Change::Halves { .. } => {}
             }
         }
         for (i, runs) in touched {
@@ -319,6 +405,45 @@ impl Moved {
                 .map(|(pair, zero)| (pair as u32, zero))
                 .collect(),
         })
+    }
+
+    /// Lets modes that the first and the last run of an interval take last beyond it, in an element of no length, where one is
+    /// left.
+    fn reach_beyond(
+        &self,
+        changes: &[Change],
+        runs: &[Vec<Run>],
+        touched: &mut BTreeMap<usize, Vec<Run>>,
+    ) {
+        let mut reached = Vec::new();
+        for change in changes {
+            let Some((i, run)) = change.takes_modes_in() else {
+                continue;
+            };
+            let sides = [(run == 0, i), (run + 1 == runs[i].len(), i + 1)];
+            for (_, k) in sides.into_iter().filter(|(is_at, _)| *is_at) {
+                let is_inside = 0 < k && k < runs.len();
+                if !is_inside || reached.contains(&k) {
+                    continue;
+                }
+                reached.push(k);
+                let (Some(before), Some(behind)) = (
+                    touched[&(k - 1)].last().cloned(),
+                    touched[&k].first().cloned(),
+                ) else {
+                    continue;
+                };
+                let other = if k == i { k - 1 } else { k };
+                let others = touched.entry(other).or_default();
+                if before.open == behind.open || others.len() == self.layout.elements {
+                    continue;
+                }
+                match k == i {
+                    true => others.push(behind.of_no_length(before.end())),
+                    false => others.insert(0, before.of_no_length(0.0)),
+                }
+            }
+        }
     }
 
     /// Gives interval k these runs; false where there are more than elements.
@@ -389,7 +514,8 @@ impl Moved {
                 _ => (first, 0.0),
             }
         } else {
-            let mut start = run.start;
+            let before = (1..first).map(|j| point.old[layout.h(from, j)].max(0.0));
+            let mut start: f64 = before.sum();
             let mut found = (first, 0.0);
             for source in first..behind {
                 let length = point.old[layout.h(from, source)].max(0.0);
@@ -474,8 +600,9 @@ impl Others for Moved {
         // Multipliers that are not unique may be wrong about all of them.
         let modes = self.other_modes(&runs, w, near);
         let together = (0..modes.iter().map(Vec::len).max().unwrap_or(0)).map(|number| {
-            let chosen = modes.iter().filter_map(|modes| modes.get(number));
-            [asked.clone(), chosen.cloned().collect()].concat()
+            // The last runs first: what is inserted counts in those behind it.
+            let chosen = modes.iter().rev().filter_map(|modes| modes.get(number));
+            chosen.chain(&asked).cloned().collect()
         });
         let both = [asked.clone(), against];
         let together: Vec<Vec<Change>> = both.into_iter().chain(together).collect();

@@ -52,15 +52,20 @@ impl Before {
         }
     }
 
-    /// Adds what was found from there.
-    pub fn push(&mut self, solution: &Solution) {
+    /// The way of what is found from there.
+    pub fn next(&self) -> Way {
+        match self.ways.is_empty() {
+            true => Way::Relaxation,
+            false => Way::Grid,
+        }
+    }
+
+    /// Adds what was found.
+    pub fn push(&mut self, solution: &Solution, way: Way) {
         self.iterations += solution.stats.iterations;
         self.seconds += solution.stats.seconds;
         self.ways.push(FoundBy {
-            way: match self.ways.is_empty() {
-                true => Way::Relaxation,
-                false => Way::Grid,
-            },
+            way,
             objective: solution.objective,
         });
     }

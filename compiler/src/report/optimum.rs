@@ -87,6 +87,8 @@ pub enum Way {
     Sequence,
     /// A finer grid.
     Grid,
+    /// A simulation with the controls that a start without a solution has ended with.
+    Simulation,
 }
 
 impl Way {
@@ -99,6 +101,7 @@ impl Way {
             Way::Elsewhere => "simulations far away",
             Way::Sequence => "another sequence of events",
             Way::Grid => "a finer grid",
+            Way::Simulation => "a simulation",
         }
     }
 }

@@ -100,6 +100,8 @@ pub struct TaskRow<'e> {
     pub at: At,
     /// How.
     pub holds: Holds<'e>,
+    /// The state whose initial value follows from it, by its place: it says x(0) - x_0(p) = 0.
+    pub starts: Option<usize>,
     /// The row.
     pub span: Span,
 }

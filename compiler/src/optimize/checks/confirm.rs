@@ -9,14 +9,14 @@ use nsd_solver::optimization::mpcc;
 use nsd_solver::optimization::mpcc::{Options, Solution, Trust};
 
 use super::around::Around;
-use super::choices::choices;
+use super::choices;
 use super::descent::{self, Candidate, Found, LARGE, SMALL, Search};
-use super::reduced::{Reduced, Values};
+use super::reduced::{Reduced, Starts, Values};
 use super::solved;
 use crate::limit::Limit;
 use crate::optimize::Problem;
 use crate::optimize::problem::size_of_objective;
-use crate::optimize::start::reference;
+use crate::optimize::start::{Begin, reference};
 use crate::project::watch::Watch;
 use crate::report::{self, Confirmation, Way};
 
@@ -247,6 +247,62 @@ fn simulated(
     Some(place)
 }
 
+/// A point with the values of controls with finite sets that keep the constraints best, where all can be tried.
+fn best_sequence(problem: &Problem, w: &[f64], limit: &Limit) -> Option<Vec<f64>> {
+    let mut reduced = Reduced::new(problem, w, limit)?;
+    let mut search = Search {
+        reduced: &mut reduced,
+        w,
+        objective: 0.0,
+        base: None,
+        weight: WEIGHT,
+        doubt: 0.0,
+        room: 0.0,
+        scale: 1.0,
+    };
+    let points = choices::sequences(&mut search, problem.layout.steps)?;
+    let violation = |point: &Candidate| {
+        if point.excess > KEPT {
+            point.excess
+        } else {
+            0.0
+        }
+    };
+    let best = points.into_iter().min_by(|a, b| {
+        let by_violation = violation(a).total_cmp(&violation(b));
+        by_violation.then(a.merit.total_cmp(&b.merit))
+    });
+    best.map(|point| point.w)
+}
+
+/// A solution from a simulation with the free quantities of a point that is none, or with those that it was started from:
+/// what runs from event to event keeps all rows but those of the task.
+pub(crate) fn from_simulation(
+    problem: &mut Problem,
+    lost: &Solution,
+    Begin { guess, options, .. }: &Begin,
+    watch: &mut dyn Watch,
+) -> Option<Solution> {
+    let mut iterations = lost.stats.iterations;
+    let mut starts = vec![lost.w.clone(), guess.clone()];
+    starts.splice(0..0, best_sequence(problem, &lost.w, &options.limit));
+    for start in &starts {
+        if options.limit.is_over() || iterations > options.iterations.all {
+            return None;
+        }
+        let looks = (options, Trust::First);
+        let Some(mut found) = from(problem, start, looks, &options.limit, watch) else {
+            continue;
+        };
+        iterations += found.stats.iterations;
+        if found.is_feasible() {
+            found.stats.iterations = iterations;
+            return Some(found);
+        }
+    }
+    None
+}
+
 /// The solution of the program that is found from a simulation with the free quantities of a point.
 fn from(
     problem: &mut Problem,
@@ -257,6 +313,9 @@ fn from(
 ) -> Option<Solution> {
     let mut w = point.to_vec();
     problem.balance(&mut w);
+    let (first, n) = (problem.layout.before(1, 1), problem.system.states.len());
+    let starts = Starts::new(problem);
+    starts.set(problem, point, &mut w[first..first + n]);
     let starts = match problem.frozen {
         Some(_) => reference::in_numerical_time(problem, &mut w, limit),
         None => reference::in_modes(problem, &problem.simulated(&w, limit), &mut w),
@@ -341,7 +400,7 @@ fn look(
     for (i, look) in looks.iter().enumerate() {
         let found = match look {
             Look::Around(change) => Around::new(&mut search, *change).descent(),
-            Look::Choices => choices(&mut search),
+            Look::Choices => choices::choices(&mut search),
             Look::Elsewhere => search.elsewhere(),
             Look::Through => search.through(),
         };

@@ -1,7 +1,6 @@
 //! Other minima, far away, by simulations.
 //!
-//! Points all over the ranges of the free quantities are simulated. Where switches act and nothing but ranges constrains,
-//! the best of those inside the ranges are followed downhill by a pattern search (Kolda, Lewis, Torczon 2003): x⁺ = x ± s d
+//! Points all over the ranges of the free quantities are simulated. Where switches act and no equation constrains, the best of those inside the ranges are followed downhill by a pattern search (Kolda, Lewis, Torczon 2003): x⁺ = x ± s d
 //! where J is smaller there, and half of s where no d of a basis leads to a smaller one. It asks for no slopes: where a
 //! switch meets the end of an interval J has a kink, and steps along gradients come to rest beside it. Where an impact meets
 //! the end of the horizon J jumps, and the axes lead across its edge and not along it: where they fail, the columns of
@@ -22,8 +21,10 @@ const FOLLOWED: usize = 16;
 const FIRST: f64 = 0.25;
 const LAST: f64 = 0.002;
 const MOST_SWEEPS: u32 = 20;
-/// How many simulations all descents together may take.
+/// How many simulations all descents together may take, and so many times fewer at least where constraints are kept, too:
+/// they tell less of what a program would lead to.
 const MOST_RUNS: usize = 6000;
+const FEWER: usize = 4;
 /// From this s on one has to gain such a share of what is missing.
 const FREE: f64 = 0.07;
 const LEAST_GAIN: f64 = 0.1;
@@ -49,9 +50,9 @@ impl Search<'_, '_, '_> {
         Found::better(points, self.objective)
     }
 
-    /// Whether switches act, and nothing but ranges constrains.
+    /// Whether switches act, and no equation constrains.
     fn has_branches(&self) -> bool {
-        self.reduced.is_switched() && !self.reduced.is_constrained()
+        self.reduced.is_switched() && !self.reduced.is_tied()
     }
 
     fn simulated(&mut self, w: Vec<f64>) -> Option<Candidate> {
@@ -119,7 +120,7 @@ impl Search<'_, '_, '_> {
     fn compass(&mut self, edge: Option<Candidate>, mut target: f64) -> Vec<Candidate> {
         let inside = self.inside();
         let inside = self.candidates(inside).into_iter();
-        let mut runs = 0..MOST_RUNS;
+        let mut runs = 0..self.most_runs();
         let mut ends = Vec::new();
         for point in edge.into_iter().chain(inside.take(FOLLOWED)) {
             let end = self.downhill(point, target, &mut runs);
@@ -137,6 +138,14 @@ impl Search<'_, '_, '_> {
         }
         points.truncate(MOST_ENDS);
         points
+    }
+
+    fn most_runs(&self) -> usize {
+        let steps = self.base.map_or(1, |base| base.steps);
+        match self.reduced.is_constrained() {
+            true => (self.reduced.most_runs(steps) / FEWER).min(MOST_RUNS),
+            false => MOST_RUNS,
+        }
     }
 
     /// Whether the solution of a program may be better in the branch of a point.

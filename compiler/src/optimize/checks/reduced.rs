@@ -116,8 +116,40 @@ pub(crate) struct Reduced<'r, 'e> {
     penalties: Vec<(Norm, Evaluator<'e>)>,
     /// The rows at each place.
     at_place: Vec<Vec<usize>>,
+    /// Initial values that follow from parameters.
+    starts: Starts<'e>,
     /// When no more runs begin, and those that go on end.
     pub limit: Limit,
+}
+
+/// x(0) = x_0(p): initial values that follow from free parameters, by the place of their state, with x(0) - x_0(p).
+pub(crate) struct Starts<'e>(Vec<(usize, Evaluator<'e>)>);
+
+impl<'e> Starts<'e> {
+    /// Those of a problem.
+    pub fn new(problem: &Problem<'e>) -> Self {
+        let rows = problem.system.task.iter().flat_map(|task| &task.rows);
+        let starts = rows.filter_map(|row| Some((row.starts?, Evaluator::new(row.value))));
+        Starts(starts.collect())
+    }
+
+    /// Whether they are those of a state.
+    fn give(&self, place: usize) -> bool {
+        self.0.iter().any(|&(of, _)| of == place)
+    }
+
+    /// Sets those among x(0), with the parameters of a point.
+    pub fn set(&self, problem: &Problem, w: &[f64], x: &mut [f64]) {
+        if self.0.is_empty() {
+            return;
+        }
+        let mut known = Known::new(problem, w);
+        for (place, missing) in &self.0 {
+            x[*place] = 0.0;
+            known.set(&problem.system, [0.0, 0.0], x);
+            x[*place] = -missing.eval(&|var| known.value(var));
+        }
+    }
 }
 
 impl Problem<'_> {
@@ -156,15 +188,17 @@ impl<'r, 'e> Reduced<'r, 'e> {
         problem.run_again(w);
         let mut reduced = Reduced {
             problem,
-            quantities: quantities(problem, w),
+            quantities: Vec::new(),
             cost: Evaluator::new(task.cost.value),
             places: Vec::new(),
             asked: Vec::new(),
             rows: Vec::new(),
             penalties: Vec::new(),
             at_place: Vec::new(),
+            starts: Starts::new(problem),
             limit: limit.clone(),
         };
+        reduced.quantities = quantities(problem, w, &reduced.starts);
         reduced.ask(w);
         Some(reduced)
     }
@@ -196,7 +230,7 @@ impl<'r, 'e> Reduced<'r, 'e> {
         let start = (Place { k: 1, share: 0.0 }, 0.0);
         // A clock in numerical time has no lengths of physical time.
         let is_frozen = self.problem.frozen.is_some();
-        for row in &task.rows {
+        for row in task.rows.iter().filter(|row| row.starts.is_none()) {
             let places = match row.at {
                 At::Start => vec![start],
                 At::End => {
@@ -300,14 +334,27 @@ impl<'r, 'e> Reduced<'r, 'e> {
 
     /// Whether so many runs of so many steps take too long.
     pub fn is_too_much(&self, runs: usize, steps: usize) -> bool {
-        runs * steps * self.problem.system.states.len() > MAX_EFFORT
+        runs > self.most_runs(steps)
+    }
+
+    /// How many runs of so many steps do not take too long.
+    pub fn most_runs(&self, steps: usize) -> usize {
+        MAX_EFFORT / (steps * self.problem.system.states.len()).max(1)
     }
 
     /// Whether anything but ranges constrains: lengths can be brought to their sum.
     pub fn is_constrained(&self) -> bool {
-        let is_row =
-            |row: &Row| row.soft.is_none() && !matches!(self.asked[row.value], Asked::Lengths);
-        self.rows.iter().any(is_row)
+        let mut rows = self.rows.iter();
+        rows.any(|row| row.soft.is_none() && !matches!(self.asked[row.value], Asked::Lengths))
+    }
+
+    /// Whether equations constrain, other than that of lengths, which can be brought to their sum.
+    pub fn is_tied(&self) -> bool {
+        let is_equation = |row: &Row| {
+            let is_strict = row.soft.is_none() && row.lower == row.upper;
+            is_strict && !matches!(self.asked[row.value], Asked::Lengths)
+        };
+        self.rows.iter().any(is_equation)
     }
 
     /// The bounds of the rows; soft ones have none.
@@ -326,14 +373,26 @@ impl<'r, 'e> Reduced<'r, 'e> {
     /// A run with the free quantities of a point; none where it does not reach the end in the time that is left, or where
     /// something is not finite.
     pub fn at(&mut self, w: &[f64]) -> Option<Values> {
-        self.run(w, initial(self.problem, w))
+        let x0 = self.initial(w);
+        self.run(w, x0)
     }
 
     /// The same with an initial value that differs by so much.
     pub fn at_from(&mut self, w: &[f64], (place, change): (usize, f64)) -> Option<Values> {
-        let mut x0 = initial(self.problem, w);
+        let mut x0 = self.initial(w);
         x0[place] += change;
         self.run(w, x0)
+    }
+
+    fn initial(&self, w: &[f64]) -> Vec<f64> {
+        let problem = self.problem;
+        let system = &problem.system;
+        let mut x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
+        for free in system.task.iter().flat_map(|task| &task.initial) {
+            x0[free.place] = w[problem.layout.before(1, 1) + free.place];
+        }
+        self.starts.set(problem, w, &mut x0);
+        x0
     }
 
     fn run(&mut self, w: &[f64], x0: Vec<f64>) -> Option<Values> {
@@ -480,17 +539,9 @@ fn place_of(instant: f64, ends: &[f64]) -> usize {
     }
 }
 
-fn initial(problem: &Problem, w: &[f64]) -> Vec<f64> {
-    let system = &problem.system;
-    let mut x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
-    for free in system.task.iter().flat_map(|task| &task.initial) {
-        x0[free.place] = w[problem.layout.before(1, 1) + free.place];
-    }
-    x0
-}
-
-/// What is free, with bounds and sizes; controls with finite sets of values are not.
-fn quantities(problem: &Problem, w: &[f64]) -> Vec<Quantity> {
+/// What is free, with bounds and sizes; controls with finite sets of values and initial values that follow from parameters
+/// are not.
+fn quantities(problem: &Problem, w: &[f64], starts: &Starts) -> Vec<Quantity> {
     let layout = &problem.layout;
     let bounds = problem.mpcc.bounds();
     let Some(task) = &problem.system.task else {
@@ -505,7 +556,8 @@ fn quantities(problem: &Problem, w: &[f64]) -> Vec<Quantity> {
     }
     let params = task.params.iter().enumerate();
     let params = params.map(|(i, free)| (Kind::Param(free.place), layout.p(i)));
-    let initial = task.initial.iter().map(|free| {
+    let initial = task.initial.iter();
+    let initial = initial.filter(|free| !starts.give(free.place)).map(|free| {
         let index = layout.before(1, 1) + free.place;
         (Kind::Initial(free.place), index)
     });
@@ -581,7 +633,7 @@ mod tests {
                 assert!((w[place] - length).abs() < 1e-12, "{}", w[place]);
             }
             let reduced = Reduced::new(&problem, &w, &Limit::default()).expect("it has a task");
-            assert!(!reduced.is_constrained());
+            assert!(!reduced.is_tied());
             assert_eq!(reduced.bounds().count(), 1);
         });
     }

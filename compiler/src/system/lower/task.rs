@@ -46,6 +46,7 @@ pub(crate) fn lower<'e>(
         upper: row.upper,
         at: row.at,
         holds: (row.holds).map(|value| translation.in_alphas(value, row.span)),
+        starts: None,
         span: row.span,
     });
     let mut rows: Vec<TaskRow<'e>> = rows.collect();
@@ -132,6 +133,7 @@ fn tied<'e>(
             upper: 0.0,
             at: At::Start,
             holds: Holds::Strictly,
+            starts: Some(place),
             span,
         });
     }
@@ -185,6 +187,7 @@ pub(crate) fn coefficient_rows<'e>(
                 false => At::Nodes,
             },
             holds: Holds::Strictly,
+            starts: None,
             span,
         })
     });
@@ -208,6 +211,7 @@ fn algebraic_bounds<'e>(translation: &mut Translation<'_, 'e>) -> Vec<TaskRow<'e
                     upper,
                     at: At::Elements,
                     holds: Holds::Strictly,
+                    starts: None,
                     span: z.span,
                 });
             }
