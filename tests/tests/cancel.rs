@@ -71,6 +71,28 @@ fn examples_end_soon_wherever_they_are_canceled() {
     assert!(found.is_empty(), "{}", found.join("\n"));
 }
 
+/// What ends in the run that shows the error of the one before has no estimate, and says so.
+#[test]
+fn a_run_without_its_estimate_says_so() {
+    let text = "model m { state x[2] = [1, 0]; x' = [x[2], -x[1] - 0.2*sign(x[2])]; }
+        simulate s of m { horizon 20; }";
+    let project = Project::from_text("m.nsd", text);
+    let mut after = 1_000;
+    let mut told = 0;
+    loop {
+        let (run, _) = canceled(&project, "s", after);
+        let has_estimate = run.quality.error_estimate.is_some();
+        if run.status == Status::Solved && has_estimate {
+            break;
+        }
+        let says_so = run.warnings.iter().any(|warning| warning.code == "W0738");
+        assert_eq!(says_so, run.status == Status::Solved, "after {after}");
+        told += usize::from(says_so);
+        after += after / 10;
+    }
+    assert!(told > 0);
+}
+
 /// Seeds that have not begun end at once, too, on whatever thread.
 #[test]
 fn all_runs_of_an_ensemble_end() {

@@ -265,7 +265,7 @@ pub(super) fn drive<'e>(
     let started = Instant::now();
     let problem = Problem::new(system, settings, (request, sensing));
     let mut accuracy = Accuracy::of(settings);
-    let (first, estimate) = loop {
+    let (first, estimate, wanted) = loop {
         let recorder = Recorder::new(
             system,
             settings,
@@ -281,7 +281,7 @@ pub(super) fn drive<'e>(
         };
         match run.refined(settings, accuracy, &first.ended, estimate.as_ref()) {
             Some(next) => accuracy = next,
-            None => break (first, estimate),
+            None => break (first, estimate, wanted),
         }
     };
     let First {
@@ -296,8 +296,16 @@ pub(super) fn drive<'e>(
     }
     trajectory.setup.method = run.describe(&problem, &ended);
     run.tell(&problem, &ended, &mut trajectory);
-    if let Some(estimate) = estimate {
-        estimate.tell(run.estimator(settings), system, settings, &mut trajectory);
+    match estimate {
+        Some(estimate) => {
+            estimate.tell(run.estimator(settings), system, settings, &mut trajectory);
+        }
+        None if wanted => {
+            let over = problem.limit.over();
+            let missing = over.map(|over| super::estimate::missing(over, settings));
+            trajectory.warnings.extend(missing);
+        }
+        None => {}
     }
     trajectory.quality.stats.solve_s = started.elapsed().as_secs_f64();
     trajectory

@@ -291,6 +291,9 @@ fn origin(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
             text,
             "  error estimate {error:.1e}, relative, largest over the states"
         )?,
+        None if trajectory.warnings.iter().any(|w| w.code == "W0738") => {
+            writeln!(text, "  error estimate: none")?;
+        }
         None => writeln!(text, "  error estimate: none with this method")?,
     }
     let Stats {

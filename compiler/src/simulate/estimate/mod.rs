@@ -9,6 +9,7 @@ use nsd_solver::hybrid::{Outcome, Status};
 pub use comparison::Comparison;
 pub use touches::{Touch, Touches};
 
+use crate::limit::Over;
 use crate::report::forms::text::significant;
 use crate::report::{Failure, Trajectory, Warning};
 use crate::system::System;
@@ -22,6 +23,19 @@ const COARSE: f64 = 0.01;
 
 /// Roundings below which errors are not told.
 const ROUNDING: f64 = 1e-13;
+
+/// That a run ends without an estimate of its error, as the second one had to end before.
+pub(super) fn missing(over: Over, settings: &Settings) -> Warning {
+    let why = match over {
+        Over::Canceled => "the run was canceled",
+        Over::TimeLimit => "the time limit was reached",
+    };
+    Warning {
+        code: "W0738".into(),
+        message: format!("{why} before a second run could show the error of this one"),
+        span: Some(settings.span),
+    }
+}
 
 /// How a second run shows the error of a first one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -527,6 +527,12 @@ fn derivative<'t>(text: &'t str, first: &Token) -> Option<(usize, &'t str)> {
     let close = tokens.find(|token| !is_path(token))?;
     let state = text[open.end()..close.start].trim();
     let is_plain = !state.contains("//") && !state.contains('\n');
-    let is_state = close.text == ")" && state.starts_with(is_word_start) && is_plain;
+    let is_one = |(depth, is_one): (i32, bool), c| match c {
+        '[' => (depth + 1, is_one),
+        ']' => (depth - 1, is_one),
+        _ => (depth, is_one && (c != ',' || depth > 0)),
+    };
+    let (_, is_one) = state.chars().fold((0, true), is_one);
+    let is_state = close.text == ")" && state.starts_with(is_word_start) && is_plain && is_one;
     is_state.then_some((close.end(), state))
 }
