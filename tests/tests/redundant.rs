@@ -76,29 +76,26 @@ impl Pushed {
 #[test]
 fn points_between_corners_change_nothing() {
     let mut numbers = Random(12);
-    let mut solved = [0; 2];
+    let (mut count, mut refused) = (0, Vec::new());
     for case in 0..60 {
         let pushed = Pushed::random(&mut numbers);
         let plain = pushed.run(&[-1.0, 1.0]);
         if plain.status != Status::Solved {
             continue;
         }
-        solved[0] += 1;
-        let mut agrees = true;
+        count += 1;
         for points in [&[-1.0, 1.0, 0.0][..], &[-1.0, 1.0, 0.0, 0.5, -1.0 / 3.0]] {
             let found = pushed.run(points);
-            agrees &= found.status == Status::Solved;
-            if found.status == Status::Solved {
-                for name in ["q", "v"] {
-                    assert_near(&end(&found, name), &end(&plain, name), 1e-6);
-                }
-            } else {
-                println!("{case}, {} points: {:?}", points.len(), found.failure);
+            if found.status != Status::Solved {
+                refused.push(format!("{case}, {points:?}: {:?}", found.failure));
+                continue;
+            }
+            for name in ["q", "v"] {
+                assert_near(&end(&found, name), &end(&plain, name), 1e-6);
             }
         }
-        solved[1] += usize::from(agrees);
     }
-    assert!(solved[0] >= 55 && solved[1] + 1 >= solved[0], "{solved:?}");
+    assert!(count >= 55 && refused.len() <= 1, "{count}, {refused:?}");
 }
 
 /// A pendulum that a force presses against a wall and takes away: along the wall it can move in no other way than off it, so
