@@ -131,3 +131,34 @@ fn a_side_that_made_no_difference_is_asked_for_where_it_makes_one() {
         }
     }
 }
+
+/// A body in free flight beside a contact, whose force (1 - α)/m is none, with an acceleration of a - 1/m + 1/m: what is far
+/// smaller than 1/m keeps its digits.
+#[test]
+fn accelerations_keep_their_digits_beside_forces() {
+    for (mass, size, rate) in [
+        (0.1, 1e-8, 4e-4),
+        (1e-6, 1.0, 4.0),
+        (1e-3, 1e-4, 4e-2),
+        (1.0, 1e-10, 4e-5),
+    ] {
+        let text = format!(
+            "model m {{ state x = 1; state v = 0; x' = v;
+               mechanics x, v {{ mass = {mass:e}; force = {:e}*(-9.81 + 3*sin({rate:e}*time));
+                 contact C {{ gap = x + {:e}; restitution = 0.5; }} }} }}
+             simulate s of m {{ horizon {:e}; tolerance 1e-12; }}",
+            mass * size,
+            2.0 * size / (rate * rate),
+            0.4 * 4.0 / rate,
+        );
+        let found = solved(&text, "s");
+        // v' = s (-9.81 + 3 sin(r t)) with r t = 1.6 at the end.
+        let t = 1.6 / rate;
+        let exact = size * (-9.81 * t + 3.0 / rate * (1.0 - f64::cos(1.6)));
+        let v = end(&found, "v")[0];
+        assert!(
+            (v / exact - 1.0).abs() < 2e-11,
+            "{mass}, {size}: {v}, not {exact}"
+        );
+    }
+}

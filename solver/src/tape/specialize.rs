@@ -10,7 +10,7 @@ use crate::integrate::two_sum::two_sum;
 
 /// Whether the sum of two numbers has lost digits of the smaller one that matter: by more than this part of it.
 pub fn absorbs(a: f64, b: f64, sum: f64) -> bool {
-    const ABSORBED: f64 = 1e-8;
+    const ABSORBED: f64 = 1e-12;
     let [small, large] = if a.abs() < b.abs() { [a, b] } else { [b, a] };
     ((sum - large) - small).abs() > ABSORBED * small.abs()
 }
