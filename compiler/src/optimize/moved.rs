@@ -11,8 +11,8 @@
 //! of the pairs, says in which direction the switch wants to go, where something closes on that side.
 //!
 //! In the same way a part of the trajectory that lies on a surface, where it makes no difference which side counts,
-//! has descriptions in both modes, and in one after the other: to all but one of the controls that keep it there,
-//! a small change of it crosses the surface on the way.
+//! has descriptions in both modes, and in one after the other: small changes of several controls together cross the
+//! surface on the way.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -57,6 +57,32 @@ struct Run {
     /// Where it gets another mode.
     swap: Option<Swap>,
 }
+
+/// Another description.
+#[derive(Clone, Debug)]
+enum Change {
+    /// The switch at the end of interval k belongs to the one behind.
+    Later(usize),
+    /// It belongs to interval k itself.
+    Earlier(usize),
+    /// There is none at the end of interval k.
+    Plain(usize),
+    /// A run has another mode.
+    Mode {
+        interval: usize,
+        run: usize,
+        swap: Swap,
+    },
+    /// The halves of a run have modes of their own, where there is one.
+    Halves {
+        interval: usize,
+        run: usize,
+        swaps: [Option<Swap>; 2],
+    },
+}
+
+/// The member that opens and the one that closes.
+type Swap = (usize, usize);
 
 impl Change {
     /// The intervals that change with it, of so many.
@@ -135,45 +161,18 @@ impl Run {
 }
 
 /// The modes of halves that are worth trying where a run may have `others`: its own is one of them unless it is on both sides.
-fn halves(others: &[Swap], open: &[bool]) -> impl Iterator<Item = [Option<Swap>; 2]> {
+fn halves(others: &[Swap], open: &[bool]) -> Vec<[Option<Swap>; 2]> {
     let pairs = others.iter().flat_map(|&(opens, closes)| {
-        let back = others.contains(&(closes, opens)).then_some((closes, opens));
-        let is_on_one = !open[opens];
-        let other = is_on_one.then_some(None).or(back.map(Some));
-        other.into_iter().flat_map(move |other| {
-            let pair = [Some((opens, closes)), other];
-            let turned = is_on_one.then_some([pair[1], pair[0]]);
-            [pair].into_iter().chain(turned)
-        })
+        let other = Some((opens, closes));
+        let back = others.contains(&(closes, opens));
+        match (open[opens], back) {
+            (false, _) => vec![[other, None], [None, other]],
+            (true, true) => vec![[other, Some((closes, opens))]],
+            (true, false) => Vec::new(),
+        }
     });
-    pairs.collect::<Vec<_>>().into_iter()
+    pairs.collect()
 }
-
-/// Another description.
-#[derive(Clone, Debug)]
-enum Change {
-    /// The switch at the end of interval k belongs to the one behind.
-    Later(usize),
-    /// It belongs to interval k itself.
-    Earlier(usize),
-    /// There is none at the end of interval k.
-    Plain(usize),
-    /// A run has another mode.
-    Mode {
-        interval: usize,
-        run: usize,
-        swap: Swap,
-    },
-    /// The halves of a run have modes of their own, where there is one.
-    Halves {
-        interval: usize,
-        run: usize,
-        swaps: [Option<Swap>; 2],
-    },
-}
-
-/// The member that opens and the one that closes.
-type Swap = (usize, usize);
 
 /// A point under construction: what differs from the old one.
 struct Point<'a> {
@@ -314,7 +313,8 @@ impl Moved {
                         others.push((opens, closes));
                     }
                 }
-                let halves = halves(&others, open).map(|swaps| Change::Halves {
+                let halves = halves(&others, open).into_iter();
+                let halves = halves.map(|swaps| Change::Halves {
                     interval,
                     run,
                     swaps,

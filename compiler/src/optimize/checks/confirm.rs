@@ -261,12 +261,9 @@ fn best_sequence(problem: &Problem, w: &[f64], limit: &Limit) -> Option<Vec<f64>
         scale: 1.0,
     };
     let points = choices::sequences(&mut search, problem.layout.steps)?;
-    let violation = |point: &Candidate| {
-        if point.excess > KEPT {
-            point.excess
-        } else {
-            0.0
-        }
+    let violation = |point: &Candidate| match point.excess > KEPT {
+        true => point.excess,
+        false => 0.0,
     };
     let best = points.into_iter().min_by(|a, b| {
         let by_violation = violation(a).total_cmp(&violation(b));
@@ -313,9 +310,8 @@ fn from(
 ) -> Option<Solution> {
     let mut w = point.to_vec();
     problem.balance(&mut w);
-    let (first, n) = (problem.layout.before(1, 1), problem.system.states.len());
-    let starts = Starts::new(problem);
-    starts.set(problem, point, &mut w[first..first + n]);
+    let x = &mut w[problem.layout.before(1, 1)..][..problem.system.states.len()];
+    Starts::new(problem).set(problem, point, x);
     let starts = match problem.frozen {
         Some(_) => reference::in_numerical_time(problem, &mut w, limit),
         None => reference::in_modes(problem, &problem.simulated(&w, limit), &mut w),
