@@ -100,20 +100,54 @@ fn distances_have_their_minimum() {
     }
 }
 
-/// x' = u - 0.3 x with |x - 1.36| (0.0925321 is that of a smoothed program whose smoothing falls to 3e-4), and the same
-/// with another rate: 0.043326.
+/// x' = a x + b u with |x - c|, against smoothed programs whose smoothing falls to 3e-4. In the last one x crosses the kink in
+/// the middle of the interval that it rests in.
 #[test]
 fn what_rests_on_a_kink_crosses_it_in_joint_moves() {
-    let text = "model m { state x = 0; control u in [-5, 5] = 0; x' = u - 0.3*x; }
-        optimize o of m { horizon 2; intervals 3; elements 3;
-          minimize integral(0.2*abs(x - 1.36)) + final((x - 1.47)^2); final { x <= 1.97; } }";
-    let found = objective(text);
-    assert!((found - 0.0925321).abs() < 1e-6, "{found}");
-    let text = "model m { state x = -0.27; control u in [-50, 50] = 0; x' = -0.3*x + 1.22*u; }
-        optimize o of m { horizon 1; intervals 3; elements 3;
-          minimize integral(0.2*abs(x - 0.27)) + final((x - 1.08)^2); }";
-    let found = objective(text);
-    assert!((found - 0.043326).abs() < 1e-6, "{found}");
+    let cases = [
+        (
+            "-0.3*x + u",
+            0.0,
+            2.0,
+            3,
+            "0.2*abs(x - 1.36)",
+            "(x - 1.47)^2",
+            "final { x <= 1.97; }",
+            0.0925321,
+        ),
+        (
+            "-0.3*x + 1.22*u",
+            -0.27,
+            1.0,
+            3,
+            "0.2*abs(x - 0.27)",
+            "(x - 1.08)^2",
+            "",
+            0.043326,
+        ),
+        (
+            "-0.22*x + 1.82*u",
+            -0.76,
+            2.0,
+            4,
+            "abs(x + 0.56)",
+            "(x + 0.77)^2",
+            "subject to { x <= 0.448; }",
+            0.086073,
+        ),
+    ];
+    for (rate, start, horizon, n, integral, last, rows, least) in cases {
+        let text = format!(
+            "model m {{ state x = {start:?}; control u in [-50, 50] = 0; x' = {rate}; }}
+             optimize o of m {{ horizon {horizon:?}; intervals {n}; elements 3;
+               minimize integral({integral}) + final({last}); {rows} }}"
+        );
+        let found = objective(&text);
+        assert!(
+            (found / least - 1.0).abs() < 1e-4,
+            "{found}, not {least}: {text}"
+        );
+    }
 }
 
 /// x' = 2 - sign(x) from p: x(1) = p + 1 for p >= 0, and behind -3 it is p + 3. With (p - a)² + (x(1) - b)² the best p >= 0 is
