@@ -6,7 +6,7 @@
 
 use super::field::Field;
 use super::surfaces::{Surfaces, orientation};
-use crate::linalg::redundancy::{DEPENDENT, eliminate};
+use crate::linalg::redundancy::eliminate;
 use crate::linalg::{BlockLu, DenseLu, Singular};
 
 /// The sliding switches, cut into components that share no state and no α.
@@ -346,18 +346,7 @@ impl Sliding {
 pub(crate) fn held(matrix: &[f64], n: usize, is_slip: impl Fn(usize) -> bool) -> Vec<bool> {
     let mut rest = matrix.to_vec();
     let solved = eliminate(&mut rest, &mut vec![0.0; n], &is_slip);
-    // Its friction says so, or, where its contact does not push, that of the others, which it has nothing to add to.
-    let vanishes = |row: usize| {
-        let largest = |of: &[f64]| {
-            of[row * n..][..n]
-                .iter()
-                .fold(0.0_f64, |l, v| l.max(v.abs()))
-        };
-        largest(matrix) > 0.0 && largest(&rest) <= DEPENDENT * largest(matrix)
-    };
-    let depends = |row: usize| {
-        is_slip(row) && !solved[row] && (matrix[row * n + row] != 0.0 || vanishes(row))
-    };
+    let depends = |row: usize| is_slip(row) && !solved[row] && matrix[row * n + row] != 0.0;
     // Where normals depend on each other, their forces are not determined, and this does not make them so.
     let determined = (0..n).all(|row| solved[row] || depends(row));
     (0..n).map(|row| determined && depends(row)).collect()

@@ -1,7 +1,7 @@
 //! Symmetric systems of equations of which some say what others say, as those of redundant contacts.
 
 /// A row that depends on others but for this, relative to its size, asks for nothing that those do not.
-pub(crate) const DEPENDENT: f64 = 1e-9;
+const DEPENDENT: f64 = 1e-9;
 
 /// Solves for the rows that do not depend on others, by exchange of rows and columns alike, and returns which these
 /// are; what belongs to the others is zero. `later` are the rows that others come before.

@@ -186,19 +186,19 @@ impl<'r, 'e> Reduced<'r, 'e> {
     pub fn new(problem: &'r Problem<'e>, w: &[f64], limit: &Limit) -> Option<Self> {
         let task = problem.system.task.as_ref()?;
         problem.run_again(w);
+        let starts = Starts::new(problem);
         let mut reduced = Reduced {
             problem,
-            quantities: Vec::new(),
+            quantities: quantities(problem, w, &starts),
             cost: Evaluator::new(task.cost.value),
             places: Vec::new(),
             asked: Vec::new(),
             rows: Vec::new(),
             penalties: Vec::new(),
             at_place: Vec::new(),
-            starts: Starts::new(problem),
+            starts,
             limit: limit.clone(),
         };
-        reduced.quantities = quantities(problem, w, &reduced.starts);
         reduced.ask(w);
         Some(reduced)
     }
@@ -342,19 +342,21 @@ impl<'r, 'e> Reduced<'r, 'e> {
         MAX_EFFORT / (steps * self.problem.system.states.len()).max(1)
     }
 
-    /// Whether anything but ranges constrains: lengths can be brought to their sum.
-    pub fn is_constrained(&self) -> bool {
-        let mut rows = self.rows.iter();
-        rows.any(|row| row.soft.is_none() && !matches!(self.asked[row.value], Asked::Lengths))
+    /// The rows that hold strictly, but for lengths, which can be brought to their sum.
+    fn strict(&self) -> impl Iterator<Item = &Row> {
+        let is_strict =
+            |row: &&Row| row.soft.is_none() && !matches!(self.asked[row.value], Asked::Lengths);
+        self.rows.iter().filter(is_strict)
     }
 
-    /// Whether equations constrain, other than that of lengths, which can be brought to their sum.
+    /// Whether anything but ranges constrains.
+    pub fn is_constrained(&self) -> bool {
+        self.strict().next().is_some()
+    }
+
+    /// Whether equations constrain.
     pub fn is_tied(&self) -> bool {
-        let is_equation = |row: &Row| {
-            let is_strict = row.soft.is_none() && row.lower == row.upper;
-            is_strict && !matches!(self.asked[row.value], Asked::Lengths)
-        };
-        self.rows.iter().any(is_equation)
+        self.strict().any(|row| row.lower == row.upper)
     }
 
     /// The bounds of the rows; soft ones have none.

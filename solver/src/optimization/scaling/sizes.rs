@@ -122,8 +122,6 @@ struct Balance<'n> {
     entries: BTreeMap<(usize, usize), Slopes>,
     /// The largest constant in rows of a class.
     constants: BTreeMap<usize, f64>,
-    /// The largest |a| of every entry of the Jacobian.
-    slopes: Vec<f64>,
     known: Vec<Known>,
     /// log₂ d.
     sizes: Vec<f64>,
@@ -227,7 +225,7 @@ impl Sizes {
         let objective = balance.objective();
         let ones = balance.ones(objective, &balance.constants);
         if let Some(ones) = ones.filter(|_| objective.is_some()) {
-            return balance.with_small_rows(ones);
+            return balance.with_small_rows(ones, start);
         }
         let at_start = (balance.entries.clone(), balance.constants.clone());
         for number in 0..POINTS as u64 {
@@ -240,7 +238,7 @@ impl Sizes {
         let objective = objective.or_else(|| balance.objective());
         let ones = balance.ones(objective, &at_start.1);
         let sizes = ones.unwrap_or_else(|| balance.sizes(objective));
-        balance.with_small_rows(sizes)
+        balance.with_small_rows(sizes, start)
     }
 }
 
@@ -281,7 +279,6 @@ impl<'n> Balance<'n> {
         let bounds = nlp.variable_bounds();
         let (offsets, known) = known(bounds, quantities, start, n);
         let n_classes = numbers.len() + 1;
-        let nlp_entries = nlp.jacobian_pattern().n_entries();
         Balance {
             nlp,
             quantities,
@@ -289,7 +286,6 @@ impl<'n> Balance<'n> {
             offsets,
             entries: BTreeMap::new(),
             constants: BTreeMap::new(),
-            slopes: vec![0.0; nlp_entries],
             known,
             sizes: vec![0.0; n],
             rows: vec![0.0; n_classes],
@@ -300,10 +296,6 @@ impl<'n> Balance<'n> {
     fn look(&mut self, w: &[f64]) {
         let mut entries = vec![0.0; self.nlp.jacobian_pattern().n_entries()];
         self.nlp.jacobian(w, &mut entries);
-        for (largest, entry) in self.slopes.iter_mut().zip(&entries) {
-            // The larger of both where none is not a number.
-            *largest = largest.max(entry.abs());
-        }
         let mut gradient = vec![0.0; w.len()];
         self.nlp.gradient(w, &mut gradient);
         let mut values = vec![0.0; self.nlp.n_rows()];
@@ -465,23 +457,26 @@ impl<'n> Balance<'n> {
 }
 
 impl Balance<'_> {
-    /// The same with sizes of their own of rows whose terms are far smaller at all points: nothing says of a row alone, or beside
-    /// larger ones of the same quantities, that it is small.
-    fn with_small_rows(mut self, mut sizes: Sizes) -> Sizes {
-        let logs = self.sizes.len();
-        let mut largest = vec![f64::NEG_INFINITY; logs];
+    /// The same with sizes of their own of rows whose terms are far smaller, at the start and at points of these sizes: neither
+    /// other rows of the same quantities nor what is given say that of a row.
+    fn with_small_rows(mut self, mut sizes: Sizes, start: &[f64]) -> Sizes {
         for (&quantity, size) in sizes.quantities.iter().zip(&sizes.variables) {
-            largest[quantity] = size.log2();
+            self.sizes[quantity] = size.log2();
         }
-        self.sizes = largest;
-        for number in 0..POINTS as u64 {
-            let point = self.point(number);
-            self.look(&point);
+        let points = (0..POINTS as u64).map(|number| self.point(number));
+        let points: Vec<Vec<f64>> = points.chain([start.to_vec()]).collect();
+        let n_entries = self.nlp.jacobian_pattern().n_entries();
+        let (mut entries, mut largest) = (vec![0.0; n_entries], vec![0.0_f64; n_entries]);
+        for point in &points {
+            self.nlp.jacobian(point, &mut entries);
+            for (largest, entry) in largest.iter_mut().zip(&entries) {
+                *largest = largest.max(entry.abs());
+            }
         }
         let pattern = self.nlp.jacobian_pattern();
         for (row, size) in sizes.rows.iter_mut().enumerate() {
             let places = pattern.starts[row]..pattern.starts[row + 1];
-            let terms = pattern.row(row).iter().zip(&self.slopes[places]);
+            let terms = pattern.row(row).iter().zip(&largest[places]);
             let terms = terms.map(|(&column, a)| a * sizes.variables[column as usize]);
             let own = log(terms.fold(0.0, f64::max));
             if let Some(own) = own.filter(|own| own - size.log2() < ONE[0]) {
