@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 use nsd_solver::event::{Event, Segment};
 use nsd_solver::fesd::{
     ComplementaritySystem, Full, Kinds, Member, Observer, Pair, Rule, Rules, Settings, Simulator,
-    Surfaces, Switch,
+    Surfaces, Switch, Units,
 };
 use nsd_solver::hybrid::{Piecewise, Side, Status};
 use nsd_solver::integrate::tableau::Family;
@@ -62,6 +62,7 @@ fn relay() -> ComplementaritySystem {
                 compared: Vec::new(),
                 z: vec![Rule::Alpha(0), Rule::Above(0), Rule::Below(0)],
             },
+            units: Units::default(),
             gaps: Vec::new(),
             leading: Vec::new(),
         },

@@ -8,7 +8,7 @@ use std::f64::consts::{LN_2, PI, SQRT_2};
 use nalgebra::{DMatrix, DVector};
 use nsd_tests::affine::{Affine, Form, Kind, Surface, exact};
 use nsd_tests::{end, larger, run, with_experiment};
-use nsdc::report::Trajectory;
+use nsdc::report::{Status, Trajectory};
 use nsdc::simulate::{self, Request};
 
 const BRANICKY: &str = include_str!("../../examples/branicky.nsd");
@@ -491,4 +491,16 @@ fn elements_know_what_rounding_does_to_an_impact() {
             "{offset:e}: error {error:e} without a warning"
         );
     }
+}
+
+#[test]
+fn steps_are_told_where_twice_as_many_fail() {
+    // A peak beyond all numbers at y = 1/2, where no node of one step is and the first of two steps ends.
+    let text = "model m { state x = 0; state y = 0; y' = 1; x' = 1 + exp(1000 - 1e6*(y - 0.5)^2); }
+         simulate s of m { horizon 1; method timestepping { steps = 1; } }";
+    let found = run(text, "s");
+    assert_eq!(found.status, Status::Solved);
+    assert_eq!(found.quality.error_estimate, None);
+    let codes: Vec<&str> = found.warnings.iter().map(|w| &w.code[..]).collect();
+    assert!(codes.contains(&"W0738"), "{codes:?}");
 }

@@ -103,4 +103,5 @@ mod timefreezing;
 mod timefreezing_closed;
 mod timefreezing_space;
 mod units;
+mod units_of_elements;
 mod unmodelled_errors;

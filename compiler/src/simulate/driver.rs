@@ -188,6 +188,9 @@ pub(super) trait Run<'e> {
         [found, finer]: [&Ended; 2],
     ) -> Option<Estimate> {
         let outcomes = [&found.outcome, &finer.outcome];
+        if !self.estimator(problem.settings).compares(outcomes) {
+            return None;
+        }
         let sizes = comparison.sizes(&found.outcome.x);
         let least = self.least_sizes(problem.system, &sizes);
         let estimate = Estimate::of(comparison, outcomes, &least)?;
@@ -301,9 +304,8 @@ pub(super) fn drive<'e>(
             estimate.tell(run.estimator(settings), system, settings, &mut trajectory);
         }
         None if wanted => {
-            let over = problem.limit.over();
-            let missing = over.map(|over| super::estimate::missing(over, settings));
-            trajectory.warnings.extend(missing);
+            let missing = super::estimate::missing(problem.limit.over(), settings);
+            trajectory.warnings.push(missing);
         }
         None => {}
     }

@@ -8,6 +8,7 @@ use crate::expansion::series;
 use crate::fesd::element::scheme::Scheme;
 use crate::fesd::element::solved::Solved;
 use crate::fesd::system::Reduced;
+use crate::fesd::system::units::Units;
 use crate::hybrid::Side;
 
 /// z at the points of an element.
@@ -100,7 +101,7 @@ impl Polynomials {
     /// Tells an observer of z at these points of the element that was written last.
     pub fn tell_multipliers(
         &self,
-        points: &[f64],
+        (points, units): (&[f64], &Units),
         mode: &mut Mode,
         solved: &Solved,
         observer: &mut dyn Observer,
@@ -117,7 +118,8 @@ impl Polynomials {
                 return;
             }
             times.push(solved.t + tau);
-            z.extend(hidden.eval(&reduced.algebraics));
+            let values = hidden.eval(&reduced.algebraics).enumerate();
+            z.extend(values.map(|(i, value)| value * units.of_z(i)));
         }
         observer.multipliers(&Multipliers {
             times: &times,

@@ -412,7 +412,8 @@ impl March {
         let reduced = &mode.element.reduced;
         let (n, h) = (run.place.x.len(), solved.h);
         let algebraic = &modes.system.algebraic_states;
-        let largest = algebraic.iter().map(|&i| run.scale[i]).fold(0.0, f64::max);
+        let largest = modes.system.largest(&run.scale);
+        let units = &modes.system.surfaces.units;
         let mut worst = 0.0_f64;
         for sigma in scheme.points.probes() {
             let tau = sigma * h;
@@ -447,7 +448,7 @@ impl March {
                 // What rounding leaves of the rate is no reason for a shorter element. Equations leave that of
                 // their terms in all that they determine, a multiplier that is zero, too.
                 let terms = match algebraic.contains(&i) {
-                    true => largest,
+                    true => largest * units.of_state(i),
                     false => h * mode.element.terms.activity[i],
                 };
                 let rounding = ROUNDING * terms / target;
@@ -510,11 +511,7 @@ impl March {
                 }
             };
             solved.end(&mut run.place.x, &mut run.place.low);
-            run.count_step(
-                &modes.system.algebraic_states,
-                &mode.element.terms.activity,
-                length,
-            )?;
+            run.count_step(modes.system, &mode.element.terms.activity, length)?;
             self.polynomials.write(&modes.scheme, mode, solved);
             let segment = Segment {
                 start,
@@ -528,9 +525,9 @@ impl March {
                 return Err(Status::Stopped);
             }
             if observer.wants_multipliers() {
-                let points = &modes.scheme.points.at;
+                let told = (&modes.scheme.points.at[..], &modes.system.surfaces.units);
                 self.polynomials
-                    .tell_multipliers(points, mode, solved, observer);
+                    .tell_multipliers(told, mode, solved, observer);
             }
         }
         let last = &self.solved[count - 1];

@@ -10,6 +10,7 @@
 //! is next.
 
 mod adaptive;
+mod balanced;
 mod branch;
 mod element;
 mod emit;
@@ -41,11 +42,13 @@ use crate::integrate::tableau::{Family, Tableau, TableauError};
 use crate::runtime::limit::Limit;
 use crate::selector::ModeSelector;
 use adaptive::Control;
+pub use balanced::{Balanced, Version};
 pub use emit::{Elements, Multipliers, Observer};
 use fold::{Folds, Length, Reached};
 use march::{March, Piece};
 pub use run::Rungs;
 pub use stepping::{Stepper, SteppingSettings};
+pub use system::units::Units;
 pub use system::{
     ComplementaritySystem, Disc, Full, Member, NEGLIGIBLE, Pair, Reduced, Switch, Watched, Zero,
 };

@@ -222,7 +222,9 @@ impl<'s> Stepper<'s> {
             return true;
         }
         let (scheme, limit) = (&self.uniform.modes.scheme, &self.settings.limit);
-        let solved = nodes.solve(self.system, scheme, Step { t, h, x }, limit, stats);
+        let scale = &self.uniform.scale;
+        let step = Step { t, h, x, scale };
+        let solved = nodes.solve(self.system, scheme, step, limit, stats);
         let last = scheme.s - 1;
         self.uniform.enter(nodes.z(last));
         solved
@@ -243,8 +245,9 @@ impl<'s> Stepper<'s> {
         let last = self.tableau().n_nodes() - 1;
         let alphas = &self.system.full.alphas;
         let values = self.nodes.eval_at(alphas, (t, x), last);
+        // The share of one of two regions of which the point is in neither has no value: it stays what it was.
         for (alpha, value) in self.alpha.iter_mut().zip(values) {
-            *alpha = value;
+            *alpha = if value.is_nan() { *alpha } else { value };
         }
         let forces = &self.forces;
         let side = |(switch, &alpha): (usize, &f64)| match alpha {

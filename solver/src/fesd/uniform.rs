@@ -14,7 +14,7 @@ use crate::fesd::system::evaluator::n_registers;
 use crate::hybrid::Stats;
 
 /// Members above this are not negative.
-pub(crate) const SLACK: f64 = -1e-10;
+pub(crate) const SLACK: f64 = -1e-12;
 
 /// Active sets that were met, and the present one.
 pub(crate) struct Uniform<'s> {
@@ -23,7 +23,8 @@ pub(crate) struct Uniform<'s> {
     /// Whether the last step was in the present set.
     repeats: bool,
     zeros: Vec<Zero>,
-    scale: Vec<f64>,
+    /// Largest magnitude of each state so far, see [`measure`].
+    pub scale: Vec<f64>,
     registers: Vec<f64x4>,
 }
 
@@ -44,7 +45,7 @@ impl<'s> Uniform<'s> {
     pub fn begin(&mut self, x: &[f64]) {
         self.present = None;
         self.scale.fill(0.0);
-        measure(&mut self.scale, x, &self.modes.system.algebraic_states);
+        measure(&mut self.scale, x, self.modes.system);
     }
 
     /// Takes the set that z is in, where it has equations that are those of the whole system.
@@ -71,16 +72,11 @@ impl<'s> Uniform<'s> {
         unknowns: &mut [f64],
         stats: &mut Stats,
     ) -> bool {
+        measure(&mut self.scale, x, self.modes.system);
         let Some(present) = self.present else {
             return false;
         };
-        let Modes {
-            system,
-            scheme,
-            all,
-            ..
-        } = &mut self.modes;
-        measure(&mut self.scale, x, &system.algebraic_states);
+        let Modes { scheme, all, .. } = &mut self.modes;
         let element = &mut all[present].element;
         let (n, per_node) = (x.len(), unknowns.len() / scheme.s);
         if self.repeats {

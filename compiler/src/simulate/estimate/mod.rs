@@ -24,15 +24,22 @@ const COARSE: f64 = 0.01;
 /// Roundings below which errors are not told.
 const ROUNDING: f64 = 1e-13;
 
-/// That a run ends without an estimate of its error, as the second one had to end before.
-pub(super) fn missing(over: Over, settings: &Settings) -> Warning {
-    let why = match over {
-        Over::Canceled => "the run was canceled",
-        Over::TimeLimit => "the time limit was reached",
+/// That a run ends without an estimate of its error, as the second one had to end before, or did not get as far.
+pub(super) fn missing(over: Option<Over>, settings: &Settings) -> Warning {
+    let message = match over {
+        Some(Over::Canceled) => {
+            "the run was canceled before a second run could show the error of this one"
+        }
+        Some(Over::TimeLimit) => {
+            "the time limit was reached before a second run could show the error of this one"
+        }
+        None => {
+            "a second run, in twice as many steps, fails: it does not show the error of this one"
+        }
     };
     Warning {
         code: "W0738".into(),
-        message: format!("{why} before a second run could show the error of this one"),
+        message: message.into(),
         span: Some(settings.span),
     }
 }
@@ -55,6 +62,12 @@ impl Estimator {
             false => Estimator::Tolerance,
             true => Estimator::Grid,
         }
+    }
+
+    /// Whether a finer run shows the error of another one. Steps are not told apart by the modes that they come through,
+    /// but one of both may fail.
+    pub fn compares(self, [found, finer]: [&Outcome; 2]) -> bool {
+        self != Estimator::Steps || finer.status.is_like(&found.status)
     }
 }
 

@@ -55,12 +55,16 @@ pub(crate) struct Step<'a> {
     pub t: f64,
     pub h: f64,
     pub x: &'a [f64],
+    /// Sizes of the states.
+    pub scale: &'a [f64],
 }
 
 /// The nodes, and the memory to solve for them.
 pub(crate) struct Nodes {
     /// V and z of every node.
     pub unknowns: Vec<f64>,
+    /// Sizes of the terms of the rates, at the places of V.
+    terms: Vec<f64>,
     /// t, x, z and the numbers.
     at: Evaluator,
     matrix: Vec<f64>,
@@ -68,8 +72,8 @@ pub(crate) struct Nodes {
     lu: DenseLu,
     n: usize,
     n_z: usize,
-    /// By the place of V and z in a node: rates of algebraic states, which are known as far as these are.
-    is_rate: Vec<bool>,
+    /// By the place of V and z in a node: the units of algebraic states whose rates they are, known as far as these are.
+    follows: Vec<Option<f64>>,
 }
 
 impl Nodes {
@@ -79,22 +83,26 @@ impl Nodes {
         let size = s * (n + n_z);
         let full = &system.full;
         let tapes = [&full.equations, &full.slopes.tape, &full.alphas];
-        let mut is_rate = vec![false; n + n_z];
+        let units = &system.surfaces.units;
+        let mut follows = vec![None; n + n_z];
         for &state in &system.algebraic_states {
-            is_rate[state] = true;
+            let unit = units.of_state(state);
+            follows[state] = Some(unit);
             let entries = full.slopes.entries.iter();
-            let inputs = entries.filter(|(row, input)| *row == state && *input > n);
-            inputs.for_each(|(_, input)| is_rate[input - 1] = true);
+            for (_, input) in entries.filter(|(row, input)| *row == state && *input > n) {
+                follows[input - 1] = Some(unit / units.of_z(input - 1 - n));
+            }
         }
         Nodes {
             unknowns: vec![0.0; size],
+            terms: vec![0.0; size],
             at: Evaluator::new(1 + n + n_z + system.n_numbers(), tapes),
             matrix: vec![0.0; size * size],
             rhs: vec![0.0; size],
             lu: DenseLu::new(size),
             n,
             n_z,
-            is_rate,
+            follows,
         }
     }
 
@@ -216,8 +224,7 @@ impl Nodes {
     ) -> bool {
         let mut residual = self.assemble(system, scheme, step, rule);
         let mut start = self.unknowns.clone();
-        let algebraic = system.algebraic_states.iter();
-        let largest = algebraic.map(|&i| step.x[i].abs()).fold(0.0, f64::max);
+        let largest = system.largest(step.x);
         let (most, converged) = match rule {
             Rule::Least => (MAX_LEAST, CONVERGED),
             Rule::Smooth(sigma) => (MAX_ITERATIONS, (ALONG * sigma.sqrt()).max(CONVERGED)),
@@ -246,9 +253,13 @@ impl Nodes {
             residual = next;
             let relative = change.iter().zip(&self.unknowns).enumerate();
             let relative = relative.map(|(at, (change, y))| {
-                let size = match self.is_rate[at % self.per_node()] {
-                    true => (1.0 + y.abs()).max(largest / step.h),
-                    false => 1.0 + y.abs(),
+                let size = match self.size_of_rate(at, step) {
+                    Some(size) => y.abs().max(size),
+                    None => 1.0 + y.abs(),
+                };
+                let size = match self.follows[at % self.per_node()] {
+                    Some(unit) => size.max(largest * unit / step.h),
+                    None => size,
                 };
                 change.abs() / size
             });
@@ -281,9 +292,10 @@ impl Nodes {
         &mut self,
         system: &ComplementaritySystem,
         scheme: &Scheme,
-        Step { t, h, x: x0 }: Step,
+        step: Step,
         rule: Rule,
     ) -> f64 {
+        let Step { t, h, x: x0, scale } = step;
         let (s, n, a) = (scheme.s, self.n, &scheme.tableau.a);
         let (full, per_node) = (&system.full, self.per_node());
         let (size, n_rows) = (s * per_node, full.equations.n_outputs());
@@ -305,10 +317,19 @@ impl Nodes {
             for i in 0..n {
                 self.matrix[(rows + i) * (size + 1)] = 1.0;
             }
+            self.terms[rows..rows + n].fill(0.0);
             let slopes = self.at.eval(&full.slopes.tape);
             for (&(row, input), slope) in full.slopes.entries.iter().zip(slopes) {
                 let sign = if row < n { -1.0 } else { 1.0 };
                 let start = (rows + row) * size;
+                let term = match input {
+                    0 => 0.0,
+                    _ if input <= n => scale[input - 1],
+                    _ => 1.0 + self.unknowns[rows + input - 1].abs(),
+                };
+                if row < n {
+                    self.terms[rows + row] += slope.abs() * term;
+                }
                 match input {
                     0 => {}
                     _ if input <= n => {
@@ -338,6 +359,15 @@ impl Nodes {
                 self.matrix[at + pair.right.variable] += by_b * pair.right.slope();
             }
         }
-        self.rhs.iter().map(|r| r * r).sum::<f64>().sqrt()
+        // Rates count as shares of their terms, and so do equations in their units.
+        let rows = self.rhs.iter().enumerate();
+        let weighted = rows.map(|(at, r)| r / self.size_of_rate(at, step).unwrap_or(1.0));
+        weighted.map(|r| r * r).sum::<f64>().sqrt()
+    }
+
+    /// How large the terms of the rate are whose V has this place; none where z has it.
+    fn size_of_rate(&self, at: usize, step: Step) -> Option<f64> {
+        let size = step.scale.get(at % self.per_node())? / step.h;
+        Some(size.max(self.terms[at]).max(f64::MIN_POSITIVE))
     }
 }

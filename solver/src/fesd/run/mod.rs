@@ -104,7 +104,7 @@ impl Run {
     pub fn new(system: &ComplementaritySystem, t0: f64, t1: f64, x0: &[f64]) -> Self {
         let n = x0.len();
         let mut scale = vec![0.0; n];
-        measure(&mut scale, x0, &system.algebraic_states);
+        measure(&mut scale, x0, system);
         Run {
             t1,
             until: f64::INFINITY,
@@ -154,11 +154,11 @@ impl Run {
     /// Counts an element of this length, at whose end the run is.
     pub fn count_step(
         &mut self,
-        algebraic: &[usize],
+        system: &ComplementaritySystem,
         activity: &[f64],
         length: f64,
     ) -> Result<(), Status> {
-        measure(&mut self.scale, &self.place.x, algebraic);
+        measure(&mut self.scale, &self.place.x, system);
         for (work, activity) in self.record.work.iter_mut().zip(activity) {
             *work += activity * length;
         }

@@ -72,8 +72,8 @@ impl ElementMcp {
         let nodes = self.nodes.as_mut()?;
         let (place, stats) = (&run.place, &mut run.record.stats);
         let (system, scheme) = (modes.system, &modes.scheme);
-        let (t, x) = (place.t, &place.x[..]);
-        if !nodes.solve(system, scheme, Step { t, h, x }, limit, stats) {
+        let (t, x, scale) = (place.t, &place.x[..], &run.scale[..]);
+        if !nodes.solve(system, scheme, Step { t, h, x, scale }, limit, stats) {
             nodes.begin(system, t, x, &place.z);
             return None;
         }
@@ -130,7 +130,8 @@ impl ElementMcp {
         nodes.numbers().copy_from_slice(&modes.numbers);
         nodes.begin(system, place.t, &place.x, z);
         let (t, h, x) = (place.t, SHORT * length, &place.x[..]);
-        if !nodes.solve(system, scheme, Step { t, h, x }, limit, stats) {
+        let scale = &run.scale[..];
+        if !nodes.solve(system, scheme, Step { t, h, x, scale }, limit, stats) {
             return;
         }
         let tableau = &scheme.tableau;

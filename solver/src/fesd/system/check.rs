@@ -1,6 +1,7 @@
 //! What every [`ComplementaritySystem`] satisfies: whatever one refers to is there, and functions fit each other.
 
 use super::pointwise::{Rule, Rules};
+use super::units::Units;
 use crate::fesd::system::ComplementaritySystem;
 use crate::hybrid::Partials;
 use crate::hybrid::check::{Fault, must};
@@ -47,6 +48,7 @@ impl ComplementaritySystem {
             && is(&full.directional, with_u, n_rows)
             && is(&full.rates, with_u, n)
             && is(&full.alphas, plain, self.n_switches())
+            && full.determines_state.len() == n_rows
             && n_rows + self.pairs.len() == n_z;
         must(
             fit,
@@ -113,6 +115,14 @@ impl ComplementaritySystem {
         let is_fed = |rule: &Rule| rules.is_fed(rule, n_switches, n_rows);
         let terms = rules.compared.iter().flatten();
         let mut terms = terms.map(|&(j, _)| j);
+        let Units { z, states, .. } = &surfaces.units;
+        let are_units = |units: &[f64], n: usize| {
+            units.is_empty() || units.len() == n && units.iter().all(|unit| unit.is_normal())
+        };
+        must(
+            are_units(z, rules.z.len()) && are_units(states, n),
+            "every z and every state has its unit",
+        )?;
         must(
             rules.z.iter().all(is_fed) && terms.all(|j| j < surfaces.psi.n_outputs()),
             "every z has its rule",

@@ -95,6 +95,7 @@ impl Full {
             equations,
             slopes,
             alphas,
+            determines_state: kinds.determines_state.to_vec(),
         }
     }
 }

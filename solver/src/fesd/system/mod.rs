@@ -18,6 +18,8 @@ pub(crate) mod hidden;
 pub(crate) mod library;
 pub(crate) mod pointwise;
 pub(crate) mod reduce;
+pub(crate) mod units;
+
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
@@ -105,6 +107,13 @@ impl ComplementaritySystem {
         self.stops.get(next).copied().unwrap_or(f64::INFINITY)
     }
 
+    /// The largest size of a state that equations determine, in its unit.
+    pub(crate) fn largest(&self, sizes: &[f64]) -> f64 {
+        let algebraic = self.algebraic_states.iter();
+        let in_units = algebraic.map(|&i| sizes[i].abs() / self.surfaces.units.of_state(i));
+        in_units.fold(0.0, f64::max)
+    }
+
     /// Whether a variable is continuous along solutions.
     pub(crate) fn is_continuous(&self, algebraic: usize) -> bool {
         self.continuous[algebraic]
@@ -115,14 +124,14 @@ impl ComplementaritySystem {
 /// constraint that is never active has no size of its own.
 pub const NEGLIGIBLE: f64 = 1e-3;
 
-/// Raises the sizes of all states to those of `x`; of `algebraic` ones none is less than negligible.
-pub(crate) fn measure(sizes: &mut [f64], x: &[f64], algebraic: &[usize]) {
+/// Raises the sizes of all states to those of `x`; of those that equations determine none is less than negligible.
+pub(crate) fn measure(sizes: &mut [f64], x: &[f64], system: &ComplementaritySystem) {
     for (size, x) in sizes.iter_mut().zip(x) {
         *size = size.max(x.abs());
     }
-    let largest = algebraic.iter().map(|&i| sizes[i]).fold(0.0, f64::max);
-    for &i in algebraic {
-        sizes[i] = sizes[i].max(NEGLIGIBLE * largest);
+    let largest = system.largest(sizes);
+    for &i in &system.algebraic_states {
+        sizes[i] = sizes[i].max(NEGLIGIBLE * largest * system.surfaces.units.of_state(i));
     }
 }
 
@@ -248,6 +257,8 @@ pub struct Full {
     pub rates: Tape,
     /// (t, x, z) to α of all switches.
     pub alphas: Tape,
+    /// Whether a row of g determines an algebraic state.
+    pub determines_state: Vec<bool>,
 }
 
 /// The functions of an active set: zero members are substituted, and every z that an equation

@@ -8,6 +8,7 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 
 use crate::fesd::system::ComplementaritySystem;
+use crate::fesd::system::units::Units;
 use crate::hybrid::Side;
 use crate::tape::Tape;
 
@@ -15,7 +16,7 @@ use crate::tape::Tape;
 /// roundings of these.
 const SURFACE: f64 = 1e-12;
 
-/// A gap below this is no rounding.
+/// A gap below this, in its unit, is no rounding.
 const OUTSIDE: f64 = 1e-10;
 
 /// A point of a disc is on its edge within this.
@@ -26,8 +27,10 @@ const EDGE: f64 = 4.0 * f64::EPSILON;
 pub struct Surfaces {
     /// (t, x, α, numbers) to ψ of all switches, which contain α of earlier ones only, and behind them to indicators.
     pub psi: Tape,
-    /// z by ψ and α.
+    /// z by ψ and α, as they are stated.
     pub rules: Rules,
+    /// The units that z is in.
+    pub units: Units,
     /// Unilateral switches, whose ψ are gaps.
     pub gaps: Vec<usize>,
     /// Switches of time, in order, with which other ψ jump.
@@ -170,6 +173,9 @@ impl Point<'_> {
     fn z_by(self, system: &ComplementaritySystem, psi: &[f64], alpha: &[f64]) -> Vec<f64> {
         let rules = &system.surfaces.rules;
         let mut z = rules.values(psi, alpha);
+        for (i, z) in z.iter_mut().enumerate() {
+            *z /= system.surfaces.units.of_z(i);
+        }
         // The equation g_row = 0 of a product is 0 = z_i - product, so z_i = -g_row where z_i = 0 is put in. Outputs
         // are (f, g) with n entries of f. Products come last, and in order: the factors of each are known by then.
         let n = system.n_states();
@@ -261,6 +267,11 @@ impl ComplementaritySystem {
             &self.surfaces.psi,
             &point.with(&vec![f64::NAN; self.n_switches()]),
         );
-        gaps.find(|&k| psi[k] < -OUTSIDE)
+        let rules = &self.surfaces.rules.z;
+        let unit = |gap: usize| {
+            let z = rules.iter().position(|rule| *rule == Rule::Above(gap));
+            z.map_or(1.0, |z| self.surfaces.units.of_z(z))
+        };
+        gaps.find(|&k| psi[k] < -OUTSIDE * unit(k))
     }
 }

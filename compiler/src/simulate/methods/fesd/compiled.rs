@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use nsd_solver::event;
 use nsd_solver::fesd::{
-    self, ComplementaritySystem, Library, Simulator, Solution, Stepper, SteppingSettings,
+    self, Balanced, ComplementaritySystem, Grid, Simulator, Solution, Stepper, SteppingSettings,
+    Version,
 };
 use nsd_solver::hybrid::{HybridSystem, Outcome};
 
@@ -14,11 +15,15 @@ use crate::lowering::{dcs, hybrid};
 use crate::system::System;
 use crate::system::experiment::Settings;
 
+/// How accurate a run is that shows the sizes of states, and how long.
+const ROUGH: f64 = 1e-3;
+const ROUGH_STEPS: usize = 256;
+const ROUGH_ELEMENTS: usize = 10_000;
+
 /// A complementarity system that is compiled once, and what runs have made of its functions.
 #[derive(Clone, Debug)]
 pub(crate) struct Compiled {
-    pub complementarity: ComplementaritySystem,
-    pub library: Library,
+    balanced: Balanced,
     /// Where switches are nonlinear: the same system event by event.
     events: Option<Arc<HybridSystem>>,
     /// The parameters that stay open, by their numbers.
@@ -33,8 +38,7 @@ impl Compiled {
         let dcs = dcs::lower(system, &settings.numerics.lowerings);
         let dcs = dcs.expect("compilation has checked that the system can be lowered");
         let compiled = Compiled {
-            complementarity: complementarity_open(system, &dcs, open),
-            library: Library::default(),
+            balanced: Balanced::new(complementarity_open(system, &dcs, open)),
             events: None,
             open: open.to_vec(),
             lowering: dcs.lowering.formulation.word(),
@@ -51,7 +55,7 @@ impl Compiled {
         pulses: &Pulses,
     ) -> (Self, Vec<String>) {
         let (mut compiled, names) = Compiled::new(system, settings, open);
-        compiled.complementarity.stops = pulses.stops().to_vec();
+        compiled.balanced.stated().stops = pulses.stops().to_vec();
         compiled.events = (system.first_nonlinear()).map(|_| hybrid::lower_at(system, open));
         (compiled, names)
     }
@@ -64,15 +68,20 @@ impl Compiled {
 
     /// Gives the open parameters other values.
     pub fn set_parameters(&mut self, values: &[f64]) {
-        self.complementarity.parameters.copy_from_slice(values);
+        self.balanced.stated().parameters.copy_from_slice(values);
     }
 
     /// Takes the data of a system, and its values of the open parameters.
     pub fn load(&mut self, system: &System) {
         let params = system.exogenous.chosen(&self.open).map(|param| param.value);
-        self.complementarity.parameters = params.collect();
+        self.balanced.stated().parameters = params.collect();
         let data = hybrid::data_of(system);
-        self.complementarity.data[..data.len()].clone_from_slice(&data);
+        self.balanced.stated().data[..data.len()].clone_from_slice(&data);
+    }
+
+    /// The system, in the units of its last run.
+    pub fn system(&self) -> &ComplementaritySystem {
+        &self.balanced.present().system
     }
 
     /// A run by elements, with a number of nodes that has been checked. Where switches are nonlinear, complementarity
@@ -84,29 +93,12 @@ impl Compiled {
         x0: &[f64],
         observer: &mut dyn fesd::Observer,
     ) -> Ran {
-        let library = std::mem::take(&mut self.library);
-        let simulator = Simulator::new(&self.complementarity, settings);
-        let simulator = simulator.expect("the number of nodes has been checked");
-        let simulator = simulator.knowing(library);
-        let mut simulator = match &self.events {
-            Some(hybrid) => {
-                let settings = nsd_solver::hybrid::Settings::default();
-                let mut selector = event::Simulator::new(hybrid.clone(), settings);
-                selector.set_parameters(&self.complementarity.parameters);
-                selector.set_data(0, &self.complementarity.data);
-                simulator.with_mode_selector(selector)
-            }
-            None => simulator,
-        };
-        let ran = Ran {
-            solution: simulator.run(0.0, horizon, x0, observer),
-            order: simulator.order(),
-            allowed: simulator.allowed_defect(),
-        };
-        let library = simulator.library().clone();
-        drop(simulator);
-        self.library = library;
-        ran
+        let events = self.events.as_ref();
+        let version = self.balanced.over(horizon, x0, |version, mut sizes| {
+            let over = (horizon, x0);
+            elements(version, events, rough(&settings), over, &mut sizes);
+        });
+        elements(version, events, settings, (horizon, x0), observer)
     }
 
     /// A run in steps of one length, with a number of nodes that has been checked.
@@ -117,13 +109,76 @@ impl Compiled {
         x0: &[f64],
         observer: &mut dyn event::Observer,
     ) -> Outcome {
-        let library = std::mem::take(&mut self.library);
-        let stepper = Stepper::new(&self.complementarity, settings);
-        let stepper = stepper.expect("the number of nodes has been checked");
-        let mut stepper = stepper.knowing(library);
-        let outcome = stepper.run(0.0, horizon, x0, observer);
-        self.library = stepper.library().clone();
-        outcome
+        let run = |version: &mut Version, settings, observer: &mut dyn event::Observer| {
+            let library = std::mem::take(&mut version.library);
+            let stepper = Stepper::new(&version.system, settings);
+            let stepper = stepper.expect("the number of nodes has been checked");
+            let mut stepper = stepper.knowing(library);
+            let outcome = stepper.run(0.0, horizon, x0, observer);
+            version.library = stepper.library().clone();
+            outcome
+        };
+        let version = self.balanced.over(horizon, x0, |version, sizes| {
+            let steps = settings.steps.min(ROUGH_STEPS);
+            let rough = SteppingSettings {
+                steps,
+                ..settings.clone()
+            };
+            run(version, rough, sizes);
+        });
+        run(version, settings, observer)
+    }
+}
+
+/// A run by elements from x₀ to a horizon, of a system that may have nonlinear switches.
+fn elements(
+    version: &mut Version,
+    events: Option<&Arc<HybridSystem>>,
+    settings: fesd::Settings,
+    (horizon, x0): (f64, &[f64]),
+    observer: &mut dyn fesd::Observer,
+) -> Ran {
+    let library = std::mem::take(&mut version.library);
+    let system = &version.system;
+    let simulator = Simulator::new(system, settings);
+    let simulator = simulator.expect("the number of nodes has been checked");
+    let simulator = simulator.knowing(library);
+    let mut simulator = match events {
+        Some(hybrid) => {
+            let settings = nsd_solver::hybrid::Settings::default();
+            let mut selector = event::Simulator::new(hybrid.clone(), settings);
+            selector.set_parameters(&system.parameters);
+            selector.set_data(0, &system.data);
+            simulator.with_mode_selector(selector)
+        }
+        None => simulator,
+    };
+    let ran = Ran {
+        solution: simulator.run(0.0, horizon, x0, observer),
+        order: simulator.order(),
+        allowed: simulator.allowed_defect(),
+    };
+    let library = simulator.library().clone();
+    drop(simulator);
+    version.library = library;
+    ran
+}
+
+/// Settings with which the sizes of states show.
+fn rough(settings: &fesd::Settings) -> fesd::Settings {
+    let grid = match settings.grid {
+        Grid::Steps { steps, elements } => Grid::Steps {
+            steps: steps.min(ROUGH_STEPS),
+            elements,
+        },
+        Grid::Adaptive { tolerance } => Grid::Adaptive {
+            tolerance: tolerance.max(ROUGH),
+        },
+    };
+    fesd::Settings {
+        grid,
+        max_elements: settings.max_elements.min(ROUGH_ELEMENTS),
+        ..settings.clone()
     }
 }
 

@@ -3,7 +3,7 @@
 //! Parameters are numbers by now, but for those that stay open, and data polynomials whose coefficients are inputs.
 
 use nsd_solver::fesd::{
-    ComplementaritySystem, Disc, Full, Kinds, Leading, Member, Pair, Surfaces, Switch, Zero,
+    ComplementaritySystem, Disc, Full, Kinds, Leading, Member, Pair, Surfaces, Switch, Units, Zero,
 };
 use nsd_solver::tape::Tape;
 use rustc_hash::FxHashMap;
@@ -218,6 +218,7 @@ impl<'e> Lowering<'e> {
         Surfaces {
             psi: self.tape(&inputs, &all),
             rules: dcs::rules(system, dcs),
+            units: Units::default(),
             gaps: (0..psi.len()).filter(unilateral).collect(),
             leading: system.leading().into_iter().map(leading).collect(),
         }

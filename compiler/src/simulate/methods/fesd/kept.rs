@@ -12,8 +12,8 @@ const N_POINTS: usize = 3;
 /// Newton iterations to such a point.
 const ITERATIONS: usize = 30;
 
-/// A rate this much smaller than off the surface is rounding.
-const ROUNDING: f64 = 1e-9;
+/// A rate this much smaller than its terms is rounding.
+const ROUNDING: f64 = 1e-13;
 
 impl<'e> Lowering<'e> {
     /// All (i, j) for which the rate of ψ_i is a multiple of ψ_j.
@@ -39,7 +39,7 @@ impl<'e> Lowering<'e> {
     }
 }
 
-/// Whether e is zero at points of ψ = 0, next to what it is near them.
+/// Whether e is zero at points of ψ = 0, next to its terms Σ |v ∂e/∂v|.
 fn vanishes_on(e: Expr, psi: Expr, vars: &[Var]) -> bool {
     (0..N_POINTS).all(|k| {
         let mut vars = vars.iter().copied();
@@ -55,16 +55,19 @@ fn vanishes_at_root(e: Expr, psi: Expr, var: Var, k: usize) -> bool {
         let share = SPREAD[0] * (1.0 + other.index() as f64) + SPREAD[1] * (1.0 + k as f64);
         0.1 + 0.8 * share.fract()
     };
+    let terms: Vec<(Var, Evaluator)> = (variables_of(&[e]).into_iter())
+        .map(|var| (var, Evaluator::new(e.diff(var))))
+        .collect();
     let [e, psi, slope] = [e, psi, psi.diff(var)].map(Evaluator::new);
     let start = place(var);
-    let at = |f: &Evaluator, x: f64| {
-        let value = |other: Var| if other == var { x } else { place(other) };
-        f.eval(&value)
-    };
+    let value = |other: Var, x: f64| if other == var { x } else { place(other) };
+    let at = |f: &Evaluator, x: f64| f.eval(&|other| value(other, x));
     let mut x = start;
     for _ in 0..ITERATIONS {
         x -= at(&psi, x) / at(&slope, x);
     }
     let (on, off) = (at(&e, x), at(&e, start));
-    x.is_finite() && off.is_finite() && on.abs() <= ROUNDING * off.abs() && off != 0.0
+    let terms = terms.iter();
+    let terms = terms.map(|(other, slope)| (at(slope, x) * value(*other, x)).abs());
+    x.is_finite() && off.is_finite() && off != 0.0 && on.abs() <= ROUNDING * terms.sum::<f64>()
 }

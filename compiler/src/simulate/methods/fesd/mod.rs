@@ -280,7 +280,7 @@ impl<'e> Run<'e> for ByElements {
         (directions, instants): (&Directions, &[Moment]),
     ) -> Option<Sensitivities> {
         let recorded = self.left.recorded.as_ref()?;
-        let system = &self.compiled.complementarity;
+        let system = self.compiled.system();
         let by = |run: &Recorded| fesd::differentiate(system, run, directions, instants).ok();
         confirmed(by, [Some(recorded), self.finer.as_ref()], directions)
     }
