@@ -76,6 +76,50 @@ fn a_ball_bounces_with_order_one() {
 }
 
 #[test]
+fn the_estimate_of_a_bouncing_ball_is_that_of_its_error() {
+    // An elastic ball: each flight takes 2 s/g, and the first one ends at the root of 1.5 - t - g t²/2.
+    let g = 9.81_f64;
+    let speed = (1.0 + 3.0 * g).sqrt();
+    let first = (speed - 1.0) / g;
+    let exact = |t: f64| {
+        let s = (t - first).rem_euclid(2.0 * speed / g);
+        [speed * s - 0.5 * g * s * s, speed - g * s]
+    };
+    for (k, rows) in [
+        (1, ""),
+        (2, ""),
+        (8, ""),
+        (25, ""),
+        (32, ""),
+        (8, "output every 0.0013;"),
+    ] {
+        let steps = 200 * k;
+        let trajectory = solved(&format!(
+            "model ball {{
+               state q = 1.5; state v = -1; q' = v;
+               mechanics q, v {{ mass = 1; force = -9.81; contact floor {{ gap = q; restitution = 1; }} }}
+             }}
+             simulate this of ball {{
+               horizon 2; method timestepping {{ steps = {steps}; }} {rows}
+             }}"
+        ));
+        assert!(trajectory.warnings.is_empty(), "{:?}", trajectory.warnings);
+        let estimate = trajectory.quality.error_estimate.unwrap_or(f64::NAN);
+        let at_end = exact(2.0);
+        let errors = [
+            (end(&trajectory, "q")[0] - at_end[0]).abs() / 1.5,
+            (end(&trajectory, "v")[0] - at_end[1]).abs() / speed,
+        ];
+        let error = larger(errors[0], errors[1]);
+        assert!(
+            error <= 2.0 * estimate,
+            "{steps} steps: {error} and {estimate}"
+        );
+        assert!(estimate <= 30.0 / steps as f64, "{steps} steps: {estimate}");
+    }
+}
+
+#[test]
 fn bounces_that_accumulate_end_in_a_closed_contact() {
     let trajectory = ball(0.5, 0.5, 3.0, 6000);
     never_grows(&trajectory, 1e-12);

@@ -180,6 +180,16 @@ pub(super) trait Run<'e> {
         least
     }
 
+    /// States that jump within steps, of which no event tells.
+    fn jumping(&self, _: &System<'e>) -> Vec<usize> {
+        Vec::new()
+    }
+
+    /// Intervals of time inside of which these have jumped in one of both runs and not yet in the other.
+    fn apart(&self) -> Vec<(f64, f64)> {
+        Vec::new()
+    }
+
     /// What a finer run says.
     fn estimate(
         &mut self,
@@ -395,10 +405,12 @@ fn compare<'e>(
     watch: &mut dyn FnMut(Progress),
 ) -> Option<Estimate> {
     let approaches = &first.ended.outcome.approaches;
-    let mut comparison = Comparison::new(&first.recorder.record, &problem.x0, approaches);
+    let jumping = run.jumping(problem.system);
+    let mut comparison = Comparison::new(&first.recorder.record, &problem.x0, approaches, jumping);
     let horizon = problem.settings.horizon;
     let mut watched = Watched::new(&mut comparison, horizon, true, watch);
     let finer = run.march(problem, accuracy, &mut watched);
+    comparison.leave_out(run.apart());
     run.estimate(problem, &comparison, [&first.ended, &finer])
 }
 

@@ -29,13 +29,23 @@ pub struct Comparison<'r> {
     modes: Vec<(f64, Box<[Side]>)>,
     /// What the differences so far make of ψ, at the approaches that were passed.
     pub misses: Vec<f64>,
+    /// States that jump within steps, and their differences at the points so far, one point after another.
+    jumping: Vec<usize>,
+    apart: Vec<f64>,
 }
 
 impl<'r> Comparison<'r> {
-    /// With a run that came close to surfaces at `approaches`.
-    pub fn new(record: &'r Record, x0: &[f64], approaches: &'r [Approach]) -> Self {
+    /// With a run that came close to surfaces at `approaches`, of whose states some jump within steps.
+    pub fn new(
+        record: &'r Record,
+        x0: &[f64],
+        approaches: &'r [Approach],
+        jumping: Vec<usize>,
+    ) -> Self {
         let n = x0.len();
         Comparison {
+            jumping,
+            apart: Vec::new(),
             record,
             next: 0,
             jumped: 0,
@@ -77,6 +87,31 @@ impl Comparison<'_> {
         for (i, (&x, &other)) in self.x.iter().zip(recorded).enumerate() {
             self.scale[i] = self.scale[i].max(x.abs());
             self.difference[i] = self.difference[i].max((x - other).abs());
+        }
+        let apart = self.jumping.iter();
+        (self.apart).extend(apart.map(|&i| (self.x[i] - recorded[i]).abs()));
+    }
+
+    /// Leaves out the differences of states that jump within steps inside of such intervals of time, in which they have
+    /// jumped in one run and not yet in the other.
+    pub fn leave_out(&mut self, mut intervals: Vec<(f64, f64)>) {
+        intervals.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut intervals = intervals.into_iter().peekable();
+        let mut until = f64::NEG_INFINITY;
+        for &i in &self.jumping {
+            self.difference[i] = 0.0;
+        }
+        let rows = self.apart.chunks_exact(self.jumping.len().max(1));
+        for (row, &t) in rows.zip(&self.record.points.times) {
+            while let Some((_, end)) = intervals.next_if(|(start, _)| *start < t) {
+                until = until.max(end);
+            }
+            if t < until {
+                continue;
+            }
+            for (&i, difference) in self.jumping.iter().zip(row) {
+                self.difference[i] = self.difference[i].max(*difference);
+            }
         }
     }
 }

@@ -1,12 +1,14 @@
 //! `method timestepping` of a model with contacts: Moreau-Jean steps.
 //!
-//! A second run with twice as many steps gives the estimate of the error.
+//! A second run with twice as many steps gives the estimate of the error: of velocities, but where a contact was struck
+//! in one run and not yet in the other.
 
 use crate::limit::Limit;
 use crate::lowering::hybrid::Pulses;
 mod free;
 mod record;
 mod scene;
+mod strikes;
 
 use nsd_solver::event::Observer;
 use nsd_solver::hybrid::Status as End;
@@ -14,6 +16,7 @@ use nsd_solver::moreau::{Change, Scene, Settings as StepSettings, Solution, Step
 
 pub(crate) use self::free::Free;
 pub(crate) use self::record::Told;
+use self::strikes::Strikes;
 use super::adaptive::Inputs;
 use super::fesd::stepping::{options, steps};
 use crate::report::{Failure, Method, Trajectory, Warning};
@@ -58,6 +61,9 @@ pub(crate) struct Contacts {
     pulses: Pulses,
     /// What the first run has left.
     changes: Vec<(f64, usize, Change)>,
+    strikes: Strikes,
+    /// Between impacts of this run and those of the finer one.
+    apart: Vec<(f64, f64)>,
     impulses: usize,
     gaps: usize,
     plastic: usize,
@@ -72,6 +78,8 @@ impl Contacts {
             open: open.to_vec(),
             pulses,
             changes: Vec::new(),
+            strikes: Strikes::default(),
+            apart: Vec::new(),
             impulses: 0,
             gaps: 0,
             plastic: 0,
@@ -97,8 +105,11 @@ impl<'e> Run<'e> for Contacts {
         free.set_parameters(&system.values_of(&self.open));
         free.set_data(system);
         let solution = stepper.run(0.0, problem.settings.horizon, &problem.x0, &mut told);
-        if !accuracy.is_finer {
+        if accuracy.is_finer {
+            self.apart = self.strikes.between(&told.strikes);
+        } else {
             self.changes = told.changes;
+            self.strikes = told.strikes;
             self.impulses = solution.impulses;
             self.gaps = solution.gaps;
             self.plastic = solution.plastic;
@@ -127,6 +138,16 @@ impl<'e> Run<'e> for Contacts {
 
     fn takes_numbers(&self) -> bool {
         true
+    }
+
+    /// Velocities.
+    fn jumping(&self, system: &System<'e>) -> Vec<usize> {
+        let bodies = system.jumps.bodies.iter();
+        bodies.flat_map(|body| body.velocities.clone()).collect()
+    }
+
+    fn apart(&self) -> Vec<(f64, f64)> {
+        self.apart.clone()
     }
 
     /// A share of the largest entry of its vector.

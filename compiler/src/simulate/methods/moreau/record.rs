@@ -6,6 +6,7 @@ use std::ops::ControlFlow;
 use nsd_solver::event::{Event, Observer, Segment};
 use nsd_solver::moreau::{Change, Observer as Contacts};
 
+use super::strikes::Strikes;
 use crate::report::{self, EventKind, ModeInterval, Side, Trajectory};
 use crate::system::System;
 
@@ -14,6 +15,7 @@ pub(crate) struct Told<'w> {
     observer: &'w mut dyn Observer,
     /// Changes of contacts, in order of time.
     pub changes: Vec<(f64, usize, Change)>,
+    pub strikes: Strikes,
 }
 
 impl<'w> Told<'w> {
@@ -22,12 +24,14 @@ impl<'w> Told<'w> {
         Told {
             observer,
             changes: Vec::new(),
+            strikes: Strikes::default(),
         }
     }
 }
 
 impl Observer for Told<'_> {
     fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
+        self.strikes.step(segment.start, segment.until);
         self.observer.segment(segment)
     }
 
@@ -39,6 +43,9 @@ impl Observer for Told<'_> {
 impl Contacts for Told<'_> {
     fn change(&mut self, time: f64, contact: usize, change: Change) {
         self.changes.push((time, contact, change));
+        if change == Change::Strike {
+            self.strikes.add(time, contact);
+        }
     }
 }
 
