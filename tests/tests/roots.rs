@@ -114,6 +114,26 @@ fn cube_roots_are_odd() {
 }
 
 #[test]
+fn cube_roots_of_what_has_one_sign_need_no_switch() {
+    // The integrals of x cbrt(1 + x²), cbrt((1 + x²)³), cbrt(x²) and cbrt(x³) from -1 to 2.
+    let (root, cube) = (|u: f64| 0.375 * u.powf(4.0 / 3.0), |x: f64| x.powi(3) / 3.0);
+    let cases = [
+        ("x*cbrt(1 + x^2)", root(5.0) - root(2.0)),
+        ("-x*cbrt(-exp(log(1 + x^2)))", root(5.0) - root(2.0)),
+        ("cbrt((1 + x^2)^3)", 3.0 + cube(2.0) - cube(-1.0)),
+        ("cbrt(x^2)", 0.6 * (1.0 + 2.0_f64.powf(5.0 / 3.0))),
+        ("cbrt(x^3)", 1.5),
+    ];
+    for (law, exact) in cases {
+        let run = by_events(
+            &format!("state x = -1; state y = 0; x' = 1; y' = {law};"),
+            3.0,
+        );
+        close(end(&run, "y")[0], exact, 1e-11);
+    }
+}
+
+#[test]
 fn roots_of_time_and_norms_pass_through_zero() {
     let root = by_events("state x = 0; x' = sqrt(time);", 3.0);
     close(end(&root, "x")[0], 2.0 * 3.0_f64.sqrt(), 1e-12);

@@ -198,12 +198,13 @@ fn logarithm(x: Expr, base: f64, number: fn(f64) -> f64) -> Expr {
     }
 }
 
-/// sign(x) |x|^(1/3): a root with a switch at zero, unless x is a number.
-fn cube_root(x: Expr) -> Expr {
+/// max(x, 0)^(1/3) - max(-x, 0)^(1/3): a root with a kink at zero, unless x is a number.
+fn cube_root<'e>(x: Expr<'e>) -> Expr<'e> {
     let number = |value| x.exprs().constant(value);
+    let root = |side: Expr<'e>| side.max(number(0.0)).powf(number(1.0 / 3.0));
     match x.as_constant() {
         Some(value) => number(value.cbrt()),
-        None => x.sign() * x.abs().powf(number(1.0 / 3.0)),
+        None => root(x) - root(-x),
     }
 }
 
