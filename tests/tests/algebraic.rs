@@ -447,6 +447,38 @@ fn multipliers_that_stay_zero_have_no_error() {
     }
 }
 
+/// A diode charges a capacitor: what steps of time tell of it happens where it does from event to event, in any units.
+#[test]
+fn steps_of_time_tell_which_members_vanish() {
+    for (farad, ohm) in [
+        (1e-12, 50.0),
+        (1e-9, 100.0),
+        (1e-9, 1e3),
+        (1e-12, 1e3),
+        (1.0, 1.0),
+    ] {
+        let (leak, rate): (f64, f64) = (1e4 * ohm, 120.0 / (farad * 1e4 * ohm));
+        let horizon = 12.0 / rate;
+        let model = format!(
+            "state v = 0.2; algebraic l = 0; 0 <= l perp v - sin({rate:?}*time) + {ohm:?}*l >= 0;
+             v' = (l - v/{leak:?})/{farad:?};"
+        );
+        let told = |method: &str| {
+            let found = runs(&model, horizon, method);
+            let modes = found.history.modes.iter().map(|mode| mode.mode.clone());
+            (
+                times(&found, EventKind::Activate),
+                modes.collect::<Vec<_>>(),
+            )
+        };
+        let (instants, modes) = told("method event;");
+        let (found, by_steps) = told("method timestepping { steps = 4000; }");
+        assert_eq!(instants.len(), 4, "{model}");
+        assert_eq!(by_steps, modes, "{model}");
+        assert_near(&found, &instants, 2.0 * horizon / 4000.0);
+    }
+}
+
 /// From t = 1 on z₁ + z₂ ≤ 3 - t cuts off the corner (1, 1), in which both multipliers are positive: with three rows on
 /// two entries they are not determined in that instant, and that of z₂ ≤ 1 jumps to zero.
 #[test]

@@ -6,7 +6,7 @@
 
 use std::ops::ControlFlow;
 
-use super::system::ComplementaritySystem;
+use super::system::{ComplementaritySystem, Switch};
 use super::uniform::Uniform;
 use crate::event::{Cause, Event, Observer, Segment};
 use crate::expansion::dense::ElementSeries;
@@ -240,7 +240,7 @@ impl<'s> Stepper<'s> {
         }
     }
 
-    /// Where the switches stand at the last node.
+    /// Where the switches stand at the last node: members of pairs as its active set has them, the others by α.
     fn sides(&mut self, t: f64, x: &[f64]) -> Box<[Side]> {
         let last = self.tableau().n_nodes() - 1;
         let alphas = &self.system.full.alphas;
@@ -249,13 +249,16 @@ impl<'s> Stepper<'s> {
         for (alpha, value) in self.alpha.iter_mut().zip(values) {
             *alpha = if value.is_nan() { *alpha } else { value };
         }
-        let forces = &self.forces;
-        let side = |(switch, &alpha): (usize, &f64)| match alpha {
-            alpha if alpha <= END && !forces.contains(&switch) => Side::Minus,
-            alpha if alpha >= 1.0 - END => Side::Plus,
+        let (forces, zeros) = (&self.forces, &self.uniform.zeros);
+        let side = |(alpha, (k, switch)): (&f64, (usize, &Switch))| match (switch.member, *alpha) {
+            (Some((pair, zero)), _) if zeros[pair] == zero => Side::Slide,
+            (Some(_), _) => Side::Minus,
+            (None, alpha) if alpha <= END && !forces.contains(&k) => Side::Minus,
+            (None, alpha) if alpha >= 1.0 - END => Side::Plus,
             _ => Side::Slide,
         };
-        self.alpha.iter().enumerate().map(side).collect()
+        let switches = self.system.switches.iter().enumerate();
+        self.alpha.iter().zip(switches).map(side).collect()
     }
 
     /// x(τ) = x₀ + ∫ V, and α as at the last node.

@@ -22,7 +22,8 @@ pub(crate) struct Uniform<'s> {
     present: Option<usize>,
     /// Whether the last step was in the present set.
     repeats: bool,
-    zeros: Vec<Zero>,
+    /// The active set at the last node of the last step.
+    pub zeros: Vec<Zero>,
     /// Largest magnitude of each state so far, see [`measure`].
     pub scale: Vec<f64>,
     registers: Vec<f64x4>,
