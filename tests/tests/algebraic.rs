@@ -447,6 +447,30 @@ fn multipliers_that_stay_zero_have_no_error() {
     }
 }
 
+/// x(t) = s(1000 + 500 sin t) stays positive, so that its multiplier is zero, whatever units both have.
+#[test]
+fn multipliers_that_stay_zero_in_steps_of_time_have_no_error() {
+    for (size, gain) in [
+        (1.0, 1.0),
+        (1e-6, 1.0),
+        (1e3, 1e-6),
+        (1e3, 1e6),
+        (1e-9, 1.0),
+        (1.0, 1e3),
+    ] {
+        let model = format!(
+            "state x = {size:?}*1e3; algebraic l = 0; 0 <= l perp x + {gain:?}*l >= 0;
+             x' = {size:?}*500*cos(time) + {gain:?}*l;"
+        );
+        let found = runs(&model, 1.0, "method timestepping;");
+        assert!(found.warnings.is_empty(), "{model}: {:?}", found.warnings);
+        let estimate = found.quality.error_estimate.expect("a second run was made");
+        assert!(estimate <= 1e-11, "{model}: {estimate}");
+        let exact = size * (1000.0 + 500.0 * 1.0_f64.sin());
+        assert_near(&[end(&found, "x")[0] / exact], &[1.0], 1e-11);
+    }
+}
+
 /// A diode charges a capacitor: what steps of time tell of it happens where it does from event to event, in any units.
 #[test]
 fn steps_of_time_tell_which_members_vanish() {

@@ -9,7 +9,7 @@ use nsd_solver::fesd::NEGLIGIBLE;
 use nsd_solver::hybrid::{Outcome, Status as End};
 use nsd_solver::sensitivity::{Directions, Moment, Sensitivities};
 
-use super::estimate::{Comparison, Estimate, Estimator};
+use super::estimate::{Comparison, Estimate, Estimator, held};
 use super::record::Recorder;
 use super::sensing::{Both, Sensing, Weigh, instants};
 use super::watch::{Progress, Watched};
@@ -203,7 +203,8 @@ pub(super) trait Run<'e> {
         }
         let sizes = comparison.sizes(&found.outcome.x);
         let least = self.least_sizes(problem.system, &sizes);
-        let estimate = Estimate::of(comparison, outcomes, &least)?;
+        let held = held(problem.system, &found.outcome, &sizes);
+        let estimate = Estimate::of(comparison, outcomes, [&least, &held])?;
         Some(self.corrected(estimate, problem.system, &found.outcome))
     }
 

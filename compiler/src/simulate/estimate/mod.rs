@@ -1,12 +1,14 @@
 //! What a second, finer run says about a run.
 
 mod comparison;
+mod held;
 mod parting;
 mod touches;
 
 use nsd_solver::hybrid::{Outcome, Status};
 
 pub use comparison::Comparison;
+pub(super) use held::held;
 pub use touches::{Touch, Touches};
 
 use crate::limit::Over;
@@ -97,12 +99,12 @@ fn stop_error(comparison: &Comparison, [outcome, fine]: [&Outcome; 2]) -> f64 {
 }
 
 impl Estimate {
-    /// How far a finer run is from another one, whose states are measured by so much at least. Nothing where the time was
-    /// too short.
+    /// How far a finer run is from another one, whose states are measured by so much at least, and are zero up to so much.
+    /// Nothing where the time was too short.
     pub fn of(
         comparison: &Comparison,
         [outcome, fine]: [&Outcome; 2],
-        least: &[f64],
+        [least, held]: [&[f64]; 2],
     ) -> Option<Self> {
         if matches!(fine.status, Status::Over(_)) {
             return None;
@@ -114,7 +116,7 @@ impl Estimate {
             // What the rounding of one instant moves the state by.
             let rounding = f64::EPSILON * outcome.activity[i] * outcome.time;
             let scale = comparison.scale[i].max(outcome.x[i].abs()).max(least[i]);
-            if scale > HELD * rounding {
+            if scale > (HELD * rounding).max(held[i]) {
                 (4.0 * events * rounding)
                     .max(outcome.moved[i])
                     .max(difference)
