@@ -305,6 +305,52 @@ fn a_ball_in_four_walls() {
     );
 }
 
+/// A body meets a wall without rebound, and falls on along it: nothing presses the wall, and it stays closed.
+#[test]
+fn what_nothing_presses_stays_closed() {
+    let model = "model m {
+        state q[2] = [0.97, 0.369]; state v[2] = [0.771, 0.422];
+        q' = v;
+        mechanics q, v {
+          mass = 1; force = [0, -2];
+          contact floor { gap = q[2]; restitution = 0; }
+          contact wall { gap = 1.5 - q[1]; restitution = 0; }
+        }
+      }";
+    let wall = (1.5 - 0.97) / 0.771;
+    let floor = 0.5 * (0.422 + (0.422_f64.powi(2) + 4.0 * 0.369).sqrt());
+    roads(model, 1.957, [1e-12, 1e-8, 1e-8], |found, within| {
+        for kind in [EventKind::Jump, EventKind::ContactClose] {
+            assert_near(&times(found, kind), &[wall, floor], within);
+        }
+        assert!(times(found, EventKind::ContactOpen).is_empty());
+        let modes = found.history.modes.iter().map(|mode| mode.mode.as_str());
+        let modes: Vec<&str> = modes.collect();
+        let [open, wall, both] = modes[..] else {
+            panic!("{modes:?}");
+        };
+        assert_eq!(open, "open(floor), open(wall)");
+        assert_eq!(wall, "open(floor), closed(wall)");
+        assert_eq!(both, "closed(floor), closed(wall)");
+        assert_near(&end(found, "q"), &[1.5, 0.0], within);
+    });
+}
+
+/// A body that begins on a floor without weight lies on it until it is lifted, at t = 1.
+#[test]
+fn what_is_closed_at_the_start_is_lifted_off() {
+    let model = "model m {
+        state q = 0; state v = 0; q' = v;
+        mechanics q, v { mass = 1; force = step(time - 1); contact floor { gap = q; restitution = 0; } }
+      }";
+    for road in [EVENTS, FROZEN[0], IMPULSES] {
+        let found = by(model, 2.0, road);
+        assert_eq!(found.status, Status::Solved, "{road}");
+        assert_near(&times(&found, EventKind::ContactOpen), &[1.0], 1e-8);
+        assert_near(&end(&found, "q"), &[0.5], 1e-8);
+    }
+}
+
 fn cradle(apart: f64, e: f64) -> String {
     format!(
         "model m {{

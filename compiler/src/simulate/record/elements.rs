@@ -15,14 +15,18 @@ use crate::system::{Role, Switch, System};
 
 /// What the solver knows of elements of a system: where the nodes of one of length 1 are, and what α mean.
 pub(crate) fn shape(system: &System, nodes: &[f64], n_nodes: usize) -> Shape {
-    let kind = |switch: &Switch| match (switch.role, switch.across) {
+    let contacts = &system.jumps.contacts;
+    let is_contact = |k: usize| contacts.iter().any(|contact| contact.switch == k);
+    let kind = |(k, switch): (usize, &Switch)| match (switch.role, switch.across) {
         (Role::Equation, _) => Kind::Equation,
         (Role::Member(other), _) => Kind::Member(other),
         (Role::Step, Some(other)) => Kind::Disc(other),
+        (Role::Step, None) if is_contact(k) => Kind::Contact,
         (Role::Step, None) if switch.unilateral => Kind::Force,
         (Role::Step, None) => Kind::Step,
     };
-    Shape::new(nodes, n_nodes, system.switches.iter().map(kind).collect())
+    let switches = system.switches.iter().enumerate();
+    Shape::new(nodes, n_nodes, switches.map(kind).collect())
 }
 
 /// Points, polynomials and sides, element by element.
@@ -187,7 +191,7 @@ fn sampled(
     points
 }
 
-/// The value of a member of a pair, without kinks, at a time and a state.
+/// -ψ of a member of a pair, or of a contact, without kinks, at a time and a state.
 fn member(system: &System, switch: usize, t: f64, x: &[f64]) -> f64 {
     let alphas = vec![0.5; system.switches.len()];
     -(system.valuation(t, x, &alphas)).value(system.switches[switch].psi)

@@ -1,14 +1,17 @@
 //! Elements as polynomials, whatever has solved for their values.
 //!
 //! In an element, states are polynomials through their values at its nodes, and α through its values. A switch has one
-//! side in an element: α is 0 or 1 at all of its nodes, or the state slides. The two switches of a disc slide where
+//! side in an element: α is 0 or 1 at all of its nodes, or the state slides. A contact without a force is closed where
+//! its gap vanishes. The two switches of a disc slide where
 //! their 2α - 1 is inside of it, and are above where it is on the edge at all nodes.
 
 use serde::{Deserialize, Serialize};
 
+use super::checks::CLOSED;
 use super::path::Piece;
 use crate::hybrid::Side;
 use crate::integrate::tableau::monomials;
+use crate::linalg::largest;
 
 /// α that is so close to 0 or 1 is.
 const ROUNDING: f64 = 1e-7;
@@ -23,6 +26,8 @@ pub enum Kind {
     Step,
     /// A force, which has no bound.
     Force,
+    /// That of a contact.
+    Contact,
     /// The rate of an algebraic state, by which the equation ψ = 0 is kept.
     Equation,
     /// That of one member -ψ of a pair; this is the switch of the other.
@@ -56,14 +61,14 @@ impl Shape {
         let mut kinds = self.kinds.iter();
         let are_there = kinds.all(|kind| match *kind {
             Kind::Member(other) | Kind::Disc(other) => other < n_switches,
-            Kind::Step | Kind::Force | Kind::Equation => true,
+            Kind::Step | Kind::Force | Kind::Contact | Kind::Equation => true,
         });
         let has_nodes = 0 < n_nodes && n_nodes == self.n_nodes && n_nodes < n_points;
         has_nodes && n_points == self.nodes.len() && self.kinds.len() == n_switches && are_there
     }
 
     /// The polynomials and sides of an element with the instants and states of its nodes and ends, and α at its nodes;
-    /// `member` is the value of a member of a pair at an instant and a state.
+    /// `member` is -ψ of a member of a pair, or of a contact, at an instant and a state.
     pub fn element(
         &self,
         instants: &[f64],
@@ -85,8 +90,15 @@ impl Shape {
             write(row, &inner, alphas.iter().map(|alpha| alpha[i]), length);
         }
         let m = x.len() / 2;
-        let sides = (0..n_switches)
-            .map(|i| self.side(i, alphas, |switch| member(switch, instants[m], x[m])));
+        let mut middle = |switch| member(switch, instants[m], x[m]);
+        let is_closed = |value: f64| value.abs() <= CLOSED * largest(x[m]);
+        let sides =
+            (0..n_switches).map(
+                |i| match (self.side(i, alphas, &mut middle), self.kinds[i]) {
+                    (Side::Plus, Kind::Contact) if is_closed(middle(i)) => Side::Slide,
+                    (side, _) => side,
+                },
+            );
         let piece = Piece {
             from: instants[0],
             to: instants[instants.len() - 1],
@@ -97,7 +109,7 @@ impl Shape {
         (piece, sides.collect())
     }
 
-    /// The side of a switch in an element with α at its nodes, and the values of members of pairs in its middle.
+    /// The side of a switch in an element by α at its nodes, and the values of members of pairs in its middle.
     fn side(&self, i: usize, alphas: &[Vec<f64>], member: impl FnMut(usize) -> f64) -> Side {
         let values = alphas.iter().map(|alpha| alpha[i]);
         let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), a| {
@@ -119,7 +131,7 @@ impl Shape {
             }
             _ if low >= 1.0 - ROUNDING => Side::Plus,
             Kind::Step if high <= ROUNDING => Side::Minus,
-            Kind::Step | Kind::Force => Side::Slide,
+            Kind::Step | Kind::Force | Kind::Contact => Side::Slide,
         }
     }
 }

@@ -125,8 +125,13 @@ impl Seen {
         &self.0[contact.looks.clone()]
     }
 
+    /// Its gap.
+    pub fn gap(&self, contact: &Struck) -> f64 {
+        self.of(contact)[0]
+    }
+
     pub fn is_closed(&self, contact: &Struck) -> bool {
-        self.of(contact)[0] <= CLOSED
+        self.gap(contact) <= CLOSED
     }
 
     /// a

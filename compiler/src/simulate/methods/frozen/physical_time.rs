@@ -1,7 +1,8 @@
 //! The way back from numerical to physical time: what an observer sees of the original system.
 //!
 //! Steps during which the clock stands still are left out. What happened in them is one event: relays have switched,
-//! states have jumped by laws. Where the clock is slower, in a contact that lasts, series are stretched.
+//! states have jumped by laws. Where the clock is slower, in a contact that lasts, series are stretched. An inelastic
+//! contact whose gap stays zero while nothing presses it is closed, too, with a force of zero.
 
 use std::ops::ControlFlow;
 
@@ -10,13 +11,15 @@ use nsd_solver::expansion::Polynomials;
 use nsd_solver::fesd;
 use nsd_solver::hybrid::{Coefficient, Outcome, Side, Status};
 
-use super::back_map::BackMap;
-use super::stretch::{Lasting, Stretched};
+use super::back_map::{BackMap, Struck};
+use super::stretch::{Lasting, Stretched, constant};
 
 /// Bounces this close, relative to the horizon, that become ever closer are on their way to a Zeno point.
 const DENSE: f64 = 1e-6;
 /// A gap is closed below this.
 pub(super) const CLOSED: f64 = 1e-8;
+/// A gap that is so small all along a step, relative to the largest state, stays zero.
+const STAYS: f64 = 1e-11;
 /// How much the ratio of successive intervals may still change where they are.
 const SETTLED: f64 = 0.1;
 /// Velocities behind an impact differ from those of its law by less, relative to the largest state.
@@ -97,8 +100,9 @@ pub(super) struct PhysicalTime<'t> {
     /// The state of the original at the start of the step.
     x: Vec<f64>,
     impacts: Impacts,
-    /// The contacts that last.
+    /// The contacts that last, and those that stay closed without a force.
     lasting: Vec<Lasting>,
+    idle: Vec<usize>,
     /// Set when time does not go on.
     end: Option<End>,
     /// The law of impacts, where the frozen system may do something else.
@@ -157,6 +161,8 @@ struct InPhysicalTime<'a> {
     inner: &'a dyn Polynomials,
     places: &'a [Option<usize>],
     blind: &'a [usize],
+    /// α of contacts without a force.
+    free: Vec<f64>,
 }
 
 impl Polynomials for InPhysicalTime<'_> {
@@ -169,9 +175,10 @@ impl Polynomials for InPhysicalTime<'_> {
     }
 
     fn alpha(&self, switch: usize) -> &[f64] {
-        let place = self.places[switch];
-        self.inner
-            .alpha(place.expect("relays and contacts that bounce do not slide"))
+        match self.places[switch] {
+            Some(place) => self.inner.alpha(place),
+            None => &self.free,
+        }
     }
 
     fn unobserved(&self) -> &[usize] {
@@ -202,13 +209,14 @@ impl<'t> PhysicalTime<'t> {
                 bounces: vec![Vec::new(); map.contacts.len()],
             },
             lasting: Vec::new(),
+            idle: Vec::new(),
             end: None,
             law: None,
         }
     }
 
-    /// The sides of the original where a run is in these, with this state.
-    fn read(&mut self, sides: &[Side], x: &[f64]) {
+    /// The sides of the original where a run is in these, with these states in the middle of a step and at its end.
+    fn read(&mut self, sides: &[Side], [middle, x]: [&[f64]; 2]) {
         for (next, place) in self.next.iter_mut().zip(&self.map.places) {
             *next = place.map_or(Side::Plus, |place| sides[place]);
         }
@@ -216,6 +224,7 @@ impl<'t> PhysicalTime<'t> {
             self.next[memory.relay] = Side::of(x[memory.state] - 0.5);
         }
         self.lasting.clear();
+        self.rest(sides, [middle, x]);
         let lasts = |speed: Option<usize>| speed.filter(|&speed| sides[speed] == Side::Slide);
         let resting = self.map.contacts.iter();
         let mut resting = resting
@@ -232,6 +241,36 @@ impl<'t> PhysicalTime<'t> {
                 speed,
                 strength: seen.strength(contact),
             });
+        }
+    }
+
+    /// Takes the inelastic contacts that stay closed while nothing presses them: they have struck, were so before, or begin
+    /// so, and their gaps stay zero.
+    fn rest(&mut self, sides: &[Side], states: [&[f64]; 2]) {
+        let before = std::mem::take(&mut self.idle);
+        let (map, parameters) = (self.map, self.initial.parameters);
+        let is_known = |contact: &Struck| {
+            let (law, contact) = (contact.law, contact.contact);
+            self.sides.is_empty() || self.impacts.fired.contains(&law) || before.contains(&contact)
+        };
+        let is_free = |contact: &&Struck| {
+            let speed = contact.speed.filter(|speed| sides[*speed] != Side::Slide);
+            speed.is_some() && is_known(contact)
+        };
+        let mut left: Vec<&Struck> = map.contacts.iter().filter(is_free).collect();
+        for x in states.into_iter().rev() {
+            if left.is_empty() {
+                return;
+            }
+            let seen = map.look(x, parameters);
+            let size = x[..map.n_states]
+                .iter()
+                .fold(0.0, |m: f64, x| m.max(x.abs()));
+            left.retain(|contact| seen.gap(contact).abs() <= STAYS * size);
+        }
+        self.idle = left.iter().map(|contact| contact.contact).collect();
+        for &contact in &self.idle {
+            self.next[contact] = Side::Slide;
         }
     }
 
@@ -347,7 +386,9 @@ impl Observer for PhysicalTime<'_> {
         if elastic.any(|contact| segment.sides[contact.switch] == Side::Slide) {
             self.end = self.end.or(Some(End::Closed));
         }
-        self.read(segment.sides, segment.end);
+        let mut middle = vec![0.0; segment.end.len()];
+        segment.state(0.5 * segment.length, &mut middle);
+        self.read(segment.sides, [&middle, segment.end]);
         segment.state(0.0, &mut self.x);
         if !self.is_lawful() {
             self.end = self.end.or(Some(End::Unlawful));
@@ -373,6 +414,7 @@ impl Observer for PhysicalTime<'_> {
             inner,
             places,
             blind: &blind,
+            free: constant(1.0, inner.degree()),
         };
         let stretched = lasts.then(|| {
             // Of what slides there are series.
@@ -442,7 +484,7 @@ fn to_physical_time(physical: &mut PhysicalTime, outcome: Outcome) -> Outcome {
     let n = physical.map.n_states;
     let first = |values: &[f64]| values.iter().take(n).copied().collect();
     if physical.sides.is_empty() {
-        physical.read(&outcome.sides, &outcome.x);
+        physical.read(&outcome.sides, [&outcome.x, &outcome.x]);
         physical.sides.clone_from(&physical.next);
     }
     let places = physical.map.places.iter().zip(&physical.sides);

@@ -56,9 +56,10 @@ impl Stretched {
             .position(|contact| contact.contact == switch)
         {
             Some(k) => closed(k),
-            None => place.map_or_else(Vec::new, |place| {
-                compose(&inner.alpha(place)[..=degree], &inverse)
-            }),
+            None => place.map_or_else(
+                || constant(1.0, degree),
+                |place| compose(&inner.alpha(place)[..=degree], &inverse),
+            ),
         };
         Stretched {
             degree,
@@ -94,6 +95,13 @@ impl Polynomials for Stretched {
     fn unobserved(&self) -> &[usize] {
         &self.blind
     }
+}
+
+/// A constant as a series.
+pub(super) fn constant(value: f64, degree: usize) -> Vec<f64> {
+    let mut series = vec![0.0; degree + 1];
+    series[0] = value;
+    series
 }
 
 /// a b, up to the degree of a.
