@@ -251,7 +251,7 @@ fn files_are_replaced_whole() {
 }
 
 /// Models, an axis of values each, and what is told of every point: a run of its own.
-const POINTS: [(&str, &str, &[f64]); 20] = [
+const POINTS: [(&str, &str, &[f64]); 22] = [
     // Slides on x = 0, or crosses it.
     (
         "model m { param k = 1; state x = 1; output y = k*x; x' = -sign(x) + k*sin(4*time); }
@@ -337,6 +337,19 @@ const POINTS: [(&str, &str, &[f64]); 20] = [
          simulate run of m { horizon 4; }",
         "w",
         &[0.5, 1.0, 2.0],
+    ),
+    // In a period, whose steps are data of a run: where they meet what switches, and the end.
+    (
+        "model m { param k = 1.053; state x = 1; x' = -x + floor(2*time) - 0.3*sign(x - mod(time, k + 1)); }
+         simulate run of m { horizon 2; }",
+        "k",
+        &[0.5, 1.0, 0.053, 0.7],
+    ),
+    (
+        "model m { param k = 0.5; state y = 0; y' = sign(mod(time, k + 1) - 0.25) + sign(sawtooth(time, k) - 0.5); }
+         simulate run of m { horizon 1.5; }",
+        "k",
+        &[0.5, 0.75, 0.4, 1.0],
     ),
     // Guessed from what is swept; complementary; the solution of a convex program.
     (

@@ -115,6 +115,9 @@ pub struct Exogenous<'e> {
     pub params: Vec<Param<'e>>,
     /// Functions of time from data that occur.
     pub data: Vec<Data<'e>>,
+    /// α of switches of time that roundings are made of, as data is where their arguments are known: what they do is no
+    /// event of the model.
+    pub steps: Vec<Var>,
 }
 
 /// Which switches act together.

@@ -71,7 +71,12 @@ impl Comparison<'_> {
         let other = self.modes.iter().map(|(time, mode)| (*time, &**mode));
         let [one, other] = [one.collect::<Vec<_>>(), other.collect()];
         let near = parting::closeness(self.record.horizon, known);
-        parting::parted(&one, &other, near)
+        // A jump that one run alone has made moves its end.
+        let end = match self.jumped == self.record.points.jumps.len() {
+            true => self.record.horizon,
+            false => f64::INFINITY,
+        };
+        parting::parted(&one, &other, (near, end))
     }
 
     /// The largest magnitudes of states, with those at the end of the first run.

@@ -2,7 +2,8 @@
 //!
 //! Both are sequences of modes, each with the instant at which it begins. They are the same where one mode after the other
 //! is. Events that are closer together than a run is accurate may come in another order, or at once in one run alone: they
-//! are a group, and only the mode behind it counts.
+//! are a group, and only the mode behind it counts. What one run alone comes to at the end, up to
+//! rounding, is none.
 
 use nsd_solver::hybrid::Side;
 
@@ -20,12 +21,19 @@ pub(super) fn closeness(horizon: f64, known: f64) -> f64 {
     horizon * known.max(AT_ONCE)
 }
 
-/// When one run first goes on to a mode that the other one does not go through; none where both are the same.
-pub(super) fn parted(mut one: &[Begins], mut other: &[Begins], near: f64) -> Option<f64> {
+/// When one run first goes on to a mode that the other one does not go through before both end; none where both are the
+/// same.
+pub(super) fn parted(
+    mut one: &[Begins],
+    mut other: &[Begins],
+    (near, end): (f64, f64),
+) -> Option<f64> {
     loop {
         let (a, b) = match (one.first(), other.first()) {
             (None, None) => return None,
-            (Some(event), None) | (None, Some(event)) => return Some(event.0),
+            (Some(event), None) | (None, Some(event)) => {
+                return (end - event.0 > closeness(end, 0.0)).then_some(event.0);
+            }
             (Some(a), Some(b)) => (a, b),
         };
         let (m, n) = if a.1 == b.1 {
@@ -77,6 +85,7 @@ mod tests {
     fn events_at_one_instant_have_no_order() {
         let one = [(1.0, A), (1.0 + 1e-9, BOTH), (2.0, B)];
         let other = [(1.0, B), (1.0 + 2e-9, BOTH), (2.1, B)];
+        let parted = |one: &[Begins], other: &[Begins], near| parted(one, other, (near, 3.0));
         assert_eq!(parted(&one, &other, 1e-8), None);
         assert_eq!(parted(&one, &[(1.0, BOTH), (2.0, B)], 1e-8), None);
         assert_eq!(parted(&one, &other, 1e-10), Some(1.0));
@@ -91,6 +100,15 @@ mod tests {
     #[test]
     fn runs_part_where_one_goes_on_to_another_mode() {
         let one = [(1.0, A), (2.0, BOTH), (3.0, A)];
+        let to = |end: f64| {
+            move |one: &[Begins], other: &[Begins], near| parted(one, other, (near, end))
+        };
+        // An event at the end, which rounding takes to either side of it.
+        assert_eq!(to(3.0 + 1e-13)(&one, &one[..2], 1e-8), None);
+        assert_eq!(to(3.0)(&one[..2], &one, 1e-8), None);
+        assert_eq!(to(3.0)(&one, &one[..1], 1e-8), Some(2.0));
+        assert_eq!(to(3.0 + 1e-9)(&one, &one[..2], 1e-8), Some(3.0));
+        let parted = to(4.0);
         // As many modes, but others.
         assert_eq!(
             parted(&one, &[(1.0, A), (2.1, SLIDES), (3.0, A)], 1e-8),

@@ -14,7 +14,7 @@ pub(crate) struct ModeNames<'s, 'e> {
     system: &'s System<'e>,
     /// Switches that no partition shows.
     loose: Vec<usize>,
-    /// Switches that guards of jumps look at and nothing else: they are no part of the mode.
+    /// Switches that guards of jumps look at and nothing else, and those that stand for data: they are no part of the mode.
     watched: Vec<bool>,
     /// Contacts with friction.
     rough: Vec<bool>,
@@ -44,7 +44,11 @@ impl<'s, 'e> ModeNames<'s, 'e> {
             let mut partitions = system.coupling.partitions.iter();
             partitions.position(|p| !p.indicators.is_empty() && p.switches.contains(&i))
         };
-        let watched = only_watched(system);
+        let mut watched = only_watched(system);
+        for (watched, switch) in watched.iter_mut().zip(&system.switches) {
+            let steps = &system.exogenous.steps;
+            *watched |= (switch.alpha.as_variable()).is_some_and(|alpha| steps.contains(&alpha));
+        }
         ModeNames {
             system,
             loose: (0..system.switches.len())

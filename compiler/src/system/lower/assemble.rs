@@ -80,6 +80,10 @@ impl<'e> Parts<'e> {
             switch.continuity = continuity;
         }
         check_data(&translation.roundings.data, instance.settings, diags);
+        let steps = translation.roundings.steps.iter();
+        let steps = steps.filter_map(|&psi| Some(&collected.list[collected.find(psi)?.0]));
+        let steps = steps.filter(|switch| switch.name.is_none());
+        let steps = steps.map(|switch| switch.alpha).collect();
         let mut data = translation.roundings.data;
         data.extend(driven(instance));
         let named = named_readings(model, &translation.named);
@@ -91,6 +95,7 @@ impl<'e> Parts<'e> {
             exogenous: Exogenous {
                 params: params(instance),
                 data,
+                steps,
             },
             states,
             coupling: Coupling {

@@ -63,6 +63,8 @@ pub(crate) struct Roundings<'e> {
     states: Vec<Var>,
     /// The data that is kept, then the functions that are held.
     pub data: Vec<Data<'e>>,
+    /// ψ of the steps that functions of time and open parameters are made of.
+    pub steps: Vec<Expr<'e>>,
     /// floor(u) by u.
     values: FxHashMap<Expr<'e>, Expr<'e>>,
     /// What was wrong.
@@ -98,6 +100,7 @@ impl<'e> Roundings<'e> {
             ranges: ranges(instance),
             states: instance.states().filter_map(Expr::as_variable).collect(),
             data: data.cloned().collect(),
+            steps: Vec::new(),
             values: FxHashMap::default(),
             errors: Vec::new(),
         };
@@ -191,13 +194,19 @@ impl<'e> Roundings<'e> {
     }
 
     /// ⌊a⌋ + Σ step(u - k) for a ≤ u where states are within their ranges.
-    fn sum_of_steps(&self, u: Expr<'e>) -> Option<Expr<'e>> {
+    fn sum_of_steps(&mut self, u: Expr<'e>) -> Option<Expr<'e>> {
         let (lowest, n) = self.integers(u);
         if !(0.0..=MOST_STEPS).contains(&n) {
             return None;
         }
-        let steps = (1..=n as usize).map(|k| (u - (lowest + k as f64)).step());
-        Some(lowest + u.exprs().sum(steps))
+        let steps = (1..=n as usize).map(|k| u - (lowest + k as f64));
+        if variables_of(&[u])
+            .iter()
+            .all(|var| !self.states.contains(var))
+        {
+            self.steps.extend(steps.clone());
+        }
+        Some(lowest + u.exprs().sum(steps.map(Expr::step)))
     }
 
     /// How ⌊u⌋ is said in a way that a run takes, for a function u of states.
