@@ -412,8 +412,8 @@ impl March {
         let reduced = &mode.element.reduced;
         let (n, h) = (run.place.x.len(), solved.h);
         let algebraic = &modes.system.algebraic_states;
-        let largest = modes.system.largest(&run.scale);
         let units = &modes.system.surfaces.units;
+        let largest = units.largest(algebraic, &run.scale);
         let mut worst = 0.0_f64;
         for sigma in scheme.points.probes() {
             let tau = sigma * h;

@@ -10,7 +10,6 @@
 //! is next.
 
 mod adaptive;
-mod balanced;
 mod branch;
 mod element;
 mod emit;
@@ -42,12 +41,12 @@ use crate::integrate::tableau::{Family, Tableau, TableauError};
 use crate::runtime::limit::Limit;
 use crate::selector::ModeSelector;
 use adaptive::Control;
-pub use balanced::{Balanced, Version};
 pub use emit::{Elements, Multipliers, Observer};
 use fold::{Folds, Length, Reached};
 use march::{March, Piece};
 pub use run::Rungs;
 pub use stepping::{Stepper, SteppingSettings};
+pub use system::balanced::{Balanced, Version};
 pub use system::units::Units;
 pub use system::{
     ComplementaritySystem, Disc, Full, Member, NEGLIGIBLE, Pair, Reduced, Switch, Watched, Zero,

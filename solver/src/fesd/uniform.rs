@@ -14,7 +14,7 @@ use crate::fesd::system::evaluator::n_registers;
 use crate::hybrid::Stats;
 
 /// Members above this are not negative.
-pub(crate) const SLACK: f64 = -1e-12;
+pub(crate) const SLACK: f64 = -1e-10;
 
 /// Active sets that were met, and the present one.
 pub(crate) struct Uniform<'s> {

@@ -32,10 +32,11 @@ const MAX_DEPTH: usize = 4;
 /// A change of α that does not become smaller any more is rounding below this.
 const ROUNDED: f64 = 1e-9;
 
-/// No α of this size is looked for: those of solutions are in [0, 1].
+/// No α of this size is looked for: those of solutions are in [0, 1]. Forces, 1 - α, have no bound and the unit of the model.
 pub(crate) const FAR: f64 = 1e6;
-/// The same for forces, 1 - α, which have no bound and the unit of the model.
-const FAR_FORCE: f64 = 1e12;
+
+/// What a force does to its gap is rounding below this share of the terms that it is the sum of.
+const CANCELS: f64 = 1e-13;
 
 /// Finds the choices of sides that are worth judging where surfaces meet.
 pub(crate) struct Enumeration<'a> {
@@ -363,10 +364,8 @@ impl<'m> Zeros<'m> {
 
     /// The largest α of a switch that is looked for.
     fn far(&self, switch: usize) -> f64 {
-        if self.is_unbounded(switch) {
+        if self.is_unbounded(switch) || self.mode.system.is_unilateral(switch) {
             f64::INFINITY
-        } else if self.mode.system.is_unilateral(switch) {
-            FAR_FORCE
         } else {
             FAR
         }
@@ -375,9 +374,13 @@ impl<'m> Zeros<'m> {
     /// The zero of the rate of one switch, which is affine in its α.
     fn solve_one(&mut self, switch: usize, start: f64) -> Search {
         self.set(&[start]);
-        let change = self.mode.phi(switch) / self.mode.coupling(switch, switch);
+        let coupling = self.mode.coupling(switch, switch);
+        let change = self.mode.phi(switch) / coupling;
         if !change.is_finite() {
             return Search::Singular;
+        }
+        if coupling.abs() <= CANCELS * terms_of_coupling(self.mode, switch) {
+            return Search::Complete;
         }
         // Far outside, rounding is all that there is of the dependence on α.
         if (start - change).abs() <= self.far(switch) {
@@ -588,4 +591,15 @@ impl<'m> Zeros<'m> {
         let mut ranges = least.iter().zip(&largest);
         ranges.any(|(least, largest)| *least > 0.0 || *largest < 0.0)
     }
+}
+
+/// What the terms of ∂φ_i/∂α_i amount to.
+fn terms_of_coupling(mode: &Mode, switch: usize) -> f64 {
+    let (surfaces, field) = (&mode.surfaces, &mode.field);
+    let by_state = surfaces.gradient(switch).iter().flat_map(|&(state, g)| {
+        let slopes = field.slopes(state).filter(move |(j, _)| *j == switch);
+        slopes.map(move |(_, slope)| (g * slope).abs())
+    });
+    let mixed = surfaces.now(switch).mixed(switch, &field.f);
+    by_state.sum::<f64>() + mixed.abs()
 }

@@ -8,8 +8,8 @@
 
 use super::scheme::Scheme;
 use super::stages::{by_node, by_node_mut};
-use crate::fesd::system::ComplementaritySystem;
 use crate::fesd::system::evaluator::Evaluator;
+use crate::fesd::system::{ComplementaritySystem, Pair};
 use crate::fesd::uniform::SLACK;
 use crate::hybrid::Stats;
 use crate::integrate::tableau::Tableau;
@@ -63,8 +63,8 @@ pub(crate) struct Step<'a> {
 pub(crate) struct Nodes {
     /// V and z of every node.
     pub unknowns: Vec<f64>,
-    /// Sizes of the terms of the rates, at the places of V.
-    terms: Vec<f64>,
+    /// Sizes of the terms of the rates, at the places of V, here and where they were assembled before.
+    terms: [Vec<f64>; 2],
     /// t, x, z and the numbers.
     at: Evaluator,
     matrix: Vec<f64>,
@@ -95,7 +95,7 @@ impl Nodes {
         }
         Nodes {
             unknowns: vec![0.0; size],
-            terms: vec![0.0; size],
+            terms: [vec![0.0; size], vec![0.0; size]],
             at: Evaluator::new(1 + n + n_z + system.n_numbers(), tapes),
             matrix: vec![0.0; size * size],
             rhs: vec![0.0; size],
@@ -224,7 +224,7 @@ impl Nodes {
     ) -> bool {
         let mut residual = self.assemble(system, scheme, step, rule);
         let mut start = self.unknowns.clone();
-        let largest = system.largest(step.x);
+        let largest = (system.surfaces.units).largest(&system.algebraic_states, step.x);
         let (most, converged) = match rule {
             Rule::Least => (MAX_LEAST, CONVERGED),
             Rule::Smooth(sigma) => (MAX_ITERATIONS, (ALONG * sigma.sqrt()).max(CONVERGED)),
@@ -300,6 +300,8 @@ impl Nodes {
         let (full, per_node) = (&system.full, self.per_node());
         let (size, n_rows) = (s * per_node, full.equations.n_outputs());
         self.matrix.fill(0.0);
+        self.terms.swap(0, 1);
+        self.terms[0].fill(0.0);
         for m in 0..s {
             let rows = m * per_node;
             self.at.inputs[0] = t + scheme.tableau.nodes[m] * h;
@@ -317,18 +319,18 @@ impl Nodes {
             for i in 0..n {
                 self.matrix[(rows + i) * (size + 1)] = 1.0;
             }
-            self.terms[rows..rows + n].fill(0.0);
             let slopes = self.at.eval(&full.slopes.tape);
             for (&(row, input), slope) in full.slopes.entries.iter().zip(slopes) {
                 let sign = if row < n { -1.0 } else { 1.0 };
                 let start = (rows + row) * size;
                 let term = match input {
                     0 => 0.0,
-                    _ if input <= n => scale[input - 1],
+                    // A state at rest is what rounding leaves of the terms of its rate.
+                    _ if input <= n => scale[input - 1].max(h * self.terms[1][rows + input - 1]),
                     _ => 1.0 + self.unknowns[rows + input - 1].abs(),
                 };
                 if row < n {
-                    self.terms[rows + row] += slope.abs() * term;
+                    self.terms[0][rows + row] += slope.abs() * term;
                 }
                 match input {
                     0 => {}
@@ -346,7 +348,7 @@ impl Nodes {
                 let row = rows + n_rows + k;
                 let (a, b) = (pair.left.value(z), pair.right.value(z));
                 let [by_a, by_b, value] = match rule {
-                    Rule::Least if a <= b => [1.0, 0.0, a],
+                    Rule::Least if a + tie(system, pair) <= b => [1.0, 0.0, a],
                     Rule::Least => [0.0, 1.0, b],
                     Rule::Smooth(sigma) => {
                         let root = (a * a + b * b + 2.0 * sigma).sqrt();
@@ -368,6 +370,17 @@ impl Nodes {
     /// How large the terms of the rate are whose V has this place; none where z has it.
     fn size_of_rate(&self, at: usize, step: Step) -> Option<f64> {
         let size = step.scale.get(at % self.per_node())? / step.h;
-        Some(size.max(self.terms[at]).max(f64::MIN_POSITIVE))
+        Some(size.max(self.terms[0][at]).max(f64::MIN_POSITIVE))
+    }
+}
+
+/// What the left member of a pair has to be below the right one by to be the smaller: where both are zero it is the one
+/// that jumps, since equations say what the other one is.
+fn tie(system: &ComplementaritySystem, pair: &Pair) -> f64 {
+    let members = [pair.left, pair.right];
+    match members.map(|member| system.is_continuous(member.variable)) {
+        [true, false] => CONVERGED,
+        [false, true] => -CONVERGED,
+        _ => 0.0,
     }
 }

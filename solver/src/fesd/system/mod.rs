@@ -11,6 +11,7 @@
 //! the last inputs of every function below.
 
 pub(crate) mod active;
+pub(crate) mod balanced;
 pub(crate) mod check;
 pub(crate) mod evaluator;
 pub(crate) mod full;
@@ -107,13 +108,6 @@ impl ComplementaritySystem {
         self.stops.get(next).copied().unwrap_or(f64::INFINITY)
     }
 
-    /// The largest size of a state that equations determine, in its unit.
-    pub(crate) fn largest(&self, sizes: &[f64]) -> f64 {
-        let algebraic = self.algebraic_states.iter();
-        let in_units = algebraic.map(|&i| sizes[i].abs() / self.surfaces.units.of_state(i));
-        in_units.fold(0.0, f64::max)
-    }
-
     /// Whether a variable is continuous along solutions.
     pub(crate) fn is_continuous(&self, algebraic: usize) -> bool {
         self.continuous[algebraic]
@@ -129,7 +123,10 @@ pub(crate) fn measure(sizes: &mut [f64], x: &[f64], system: &ComplementaritySyst
     for (size, x) in sizes.iter_mut().zip(x) {
         *size = size.max(x.abs());
     }
-    let largest = system.largest(sizes);
+    let largest = system
+        .surfaces
+        .units
+        .largest(&system.algebraic_states, sizes);
     for &i in &system.algebraic_states {
         sizes[i] = sizes[i].max(NEGLIGIBLE * largest * system.surfaces.units.of_state(i));
     }

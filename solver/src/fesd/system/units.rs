@@ -73,6 +73,41 @@ impl Units {
         let mut both = self.z.iter().zip(&others.z);
         both.all(|(a, b)| a / b <= SUITS && b / a <= SUITS)
     }
+
+    /// The largest size of a state that equations determine, in its unit.
+    pub(crate) fn largest(&self, algebraic: &[usize], sizes: &[f64]) -> f64 {
+        let in_units = algebraic.iter().map(|&i| sizes[i].abs() / self.of_state(i));
+        in_units.fold(0.0, f64::max)
+    }
+
+    /// A system that is stated in these units.
+    pub(crate) fn scale(&self, system: &ComplementaritySystem) -> ComplementaritySystem {
+        let n = system.n_states();
+        let all: Vec<usize> = (0..system.behind()).collect();
+        let mut sums = Sums::new(all.len(), |_| false);
+        let mut inputs: Vec<Sum> = all.iter().map(|&input| sums.input(input)).collect();
+        for (input, unit) in inputs[1 + n..].iter_mut().zip(&self.z) {
+            *input = input.times(*unit);
+        }
+        let mut values = sums.take(&system.full.equations, &inputs);
+        for (value, unit) in values[n..].iter_mut().zip(&self.rows) {
+            *value = value.times(unit.recip());
+        }
+        let equations = sums.tape(&values, &all);
+        let alphas = sums.take(&system.full.alphas, &inputs);
+        let alphas = sums.tape(&alphas, &all);
+        let kinds = Kinds {
+            continuous: &system.continuous,
+            determines_state: &system.full.determines_state,
+            discs: &system.discs,
+        };
+        let mut scaled = ComplementaritySystem {
+            full: Full::new(equations, alphas, kinds),
+            ..system.clone()
+        };
+        scaled.surfaces.units = self.clone();
+        scaled
+    }
 }
 
 /// The terms of rates and equations of a system as it is stated.
@@ -88,7 +123,7 @@ struct Terms<'s> {
 
 impl<'s> Terms<'s> {
     fn new(system: &'s ComplementaritySystem, states: &[f64], horizon: f64) -> Self {
-        let z = (0..system.n_algebraics()).map(|z| f64::from(!system.has_unit(z)));
+        let z = (0..system.n_algebraics()).map(|z| f64::from(!has_unit(system, z)));
         let sizes = [0.0].into_iter().chain(states.iter().copied()).chain(z);
         Terms {
             sizes: sizes.collect(),
@@ -197,7 +232,7 @@ impl<'s> Terms<'s> {
         let (system, n) = (self.system, self.system.n_states());
         let mut units = Units::stated(system);
         for (z, size) in self.of_z().into_iter().enumerate() {
-            if system.has_unit(z) {
+            if has_unit(system, z) {
                 units.z[z] = power_of_two(size);
             }
         }
@@ -211,7 +246,7 @@ impl<'s> Terms<'s> {
             }
         }
         for (row, unit) in units.rows.iter_mut().enumerate() {
-            if system.has_row_unit(row) {
+            if has_row_unit(system, row) {
                 *unit = power_of_two(largest[row]);
             }
         }
@@ -225,54 +260,23 @@ fn power_of_two(size: f64) -> f64 {
     if power.is_normal() { power } else { 1.0 }
 }
 
-impl ComplementaritySystem {
-    /// Whether a z may be in another unit: not what is between 0 and 1, nor what belongs to a disc.
-    fn has_unit(&self, z: usize) -> bool {
-        let is_share = |member: Member| member.complement && member.variable == z;
-        let of_shares = self.pairs.iter().flat_map(|pair| [pair.left, pair.right]);
-        !of_shares.into_iter().any(is_share)
-            && match self.surfaces.rules.z[z] {
-                Rule::Zero | Rule::Above(_) | Rule::Below(_) | Rule::Force(_) => true,
-                Rule::Excess(..) | Rule::Least(_) => true,
-                Rule::Alpha(_) | Rule::Share(_) | Rule::Product(_) => false,
-                Rule::Speed(_) | Rule::Inside(_) => false,
-            }
-    }
-
-    /// The same of a row of g.
-    fn has_row_unit(&self, row: usize) -> bool {
-        let is_product = |rule: &Rule| *rule == Rule::Product(row);
-        let mut discs = self.discs.iter();
-        !self.surfaces.rules.z.iter().any(is_product)
-            && !discs.any(|disc| disc.all_rows().contains(&row))
-    }
-
-    /// The same system in these units.
-    pub(crate) fn in_units(&self, units: &Units) -> Self {
-        let n = self.n_states();
-        let all: Vec<usize> = (0..self.behind()).collect();
-        let mut sums = Sums::new(all.len(), |_| false);
-        let mut inputs: Vec<Sum> = all.iter().map(|&input| sums.input(input)).collect();
-        for (input, unit) in inputs[1 + n..].iter_mut().zip(&units.z) {
-            *input = input.times(*unit);
+/// Whether a z may be in another unit: not what is between 0 and 1, nor what belongs to a disc.
+fn has_unit(system: &ComplementaritySystem, z: usize) -> bool {
+    let is_share = |member: Member| member.complement && member.variable == z;
+    let of_shares = system.pairs.iter().flat_map(|pair| [pair.left, pair.right]);
+    !of_shares.into_iter().any(is_share)
+        && match system.surfaces.rules.z[z] {
+            Rule::Zero | Rule::Above(_) | Rule::Below(_) | Rule::Force(_) => true,
+            Rule::Excess(..) | Rule::Least(_) => true,
+            Rule::Alpha(_) | Rule::Share(_) | Rule::Product(_) => false,
+            Rule::Speed(_) | Rule::Inside(_) => false,
         }
-        let mut values = sums.take(&self.full.equations, &inputs);
-        for (value, unit) in values[n..].iter_mut().zip(&units.rows) {
-            *value = value.times(unit.recip());
-        }
-        let equations = sums.tape(&values, &all);
-        let alphas = sums.take(&self.full.alphas, &inputs);
-        let alphas = sums.tape(&alphas, &all);
-        let kinds = Kinds {
-            continuous: &self.continuous,
-            determines_state: &self.full.determines_state,
-            discs: &self.discs,
-        };
-        let mut system = ComplementaritySystem {
-            full: Full::new(equations, alphas, kinds),
-            ..self.clone()
-        };
-        system.surfaces.units = units.clone();
-        system
-    }
+}
+
+/// The same of a row of g.
+fn has_row_unit(system: &ComplementaritySystem, row: usize) -> bool {
+    let is_product = |rule: &Rule| *rule == Rule::Product(row);
+    let mut discs = system.discs.iter();
+    !system.surfaces.rules.z.iter().any(is_product)
+        && !discs.any(|disc| disc.all_rows().contains(&row))
 }

@@ -100,13 +100,18 @@ pub(super) struct PhysicalTime<'t> {
     /// The state of the original at the start of the step.
     x: Vec<f64>,
     impacts: Impacts,
-    /// The contacts that last, and those that stay closed without a force.
-    lasting: Vec<Lasting>,
-    idle: Vec<usize>,
+    closed: Closed,
     /// Set when time does not go on.
     end: Option<End>,
     /// The law of impacts, where the frozen system may do something else.
     law: Option<Box<Law<'t>>>,
+}
+
+/// The contacts that are closed: those that last, and those that stay so without a force.
+#[derive(Default)]
+struct Closed {
+    lasting: Vec<Lasting>,
+    idle: Vec<usize>,
 }
 
 /// What has happened since the clock stands still, and when contacts have bounced before.
@@ -208,8 +213,7 @@ impl<'t> PhysicalTime<'t> {
                 accumulates: false,
                 bounces: vec![Vec::new(); map.contacts.len()],
             },
-            lasting: Vec::new(),
-            idle: Vec::new(),
+            closed: Closed::default(),
             end: None,
             law: None,
         }
@@ -223,7 +227,7 @@ impl<'t> PhysicalTime<'t> {
         for memory in &self.map.relays {
             self.next[memory.relay] = Side::of(x[memory.state] - 0.5);
         }
-        self.lasting.clear();
+        self.closed.lasting.clear();
         self.rest(sides, [middle, x]);
         let lasts = |speed: Option<usize>| speed.filter(|&speed| sides[speed] == Side::Slide);
         let resting = self.map.contacts.iter();
@@ -236,7 +240,7 @@ impl<'t> PhysicalTime<'t> {
         let seen = self.map.look(x, self.initial.parameters);
         for (contact, speed) in resting {
             self.next[contact.contact] = Side::Slide;
-            self.lasting.push(Lasting {
+            self.closed.lasting.push(Lasting {
                 contact: contact.contact,
                 speed,
                 strength: seen.strength(contact),
@@ -247,7 +251,7 @@ impl<'t> PhysicalTime<'t> {
     /// Takes the inelastic contacts that stay closed while nothing presses them: they have struck, were so before, or begin
     /// so, and their gaps stay zero.
     fn rest(&mut self, sides: &[Side], states: [&[f64]; 2]) {
-        let before = std::mem::take(&mut self.idle);
+        let before = std::mem::take(&mut self.closed.idle);
         let (map, parameters) = (self.map, self.initial.parameters);
         let is_known = |contact: &Struck| {
             let (law, contact) = (contact.law, contact.contact);
@@ -268,8 +272,8 @@ impl<'t> PhysicalTime<'t> {
                 .fold(0.0, |m: f64, x| m.max(x.abs()));
             left.retain(|contact| seen.gap(contact).abs() <= STAYS * size);
         }
-        self.idle = left.iter().map(|contact| contact.contact).collect();
-        for &contact in &self.idle {
+        self.closed.idle = left.iter().map(|contact| contact.contact).collect();
+        for &contact in &self.closed.idle {
             self.next[contact] = Side::Slide;
         }
     }
@@ -398,7 +402,7 @@ impl Observer for PhysicalTime<'_> {
         if self.end.is_some() {
             return ControlFlow::Break(());
         }
-        let lasts = !self.lasting.is_empty();
+        let lasts = !self.closed.lasting.is_empty();
         let mut length = if lasts { advance } else { segment.length };
         if self.clock.is_at_end(self.t + length) {
             length = horizon - self.t;
@@ -421,7 +425,7 @@ impl Observer for PhysicalTime<'_> {
             let slides = places.iter().zip(&self.sides);
             let slides = slides.map(|(place, side)| place.filter(|_| *side == Side::Slide));
             let slides: Vec<Option<usize>> = slides.collect();
-            Stretched::new(inner, state, n, &slides, &self.lasting).without(&blind)
+            Stretched::new(inner, state, n, &slides, &self.closed.lasting).without(&blind)
         });
         let dense: &dyn Polynomials = match &stretched {
             Some(stretched) => stretched,

@@ -2,9 +2,10 @@
 
 use std::ops::ControlFlow;
 
-use super::system::pointwise::{Point, eval};
-use super::system::units::Units;
-use super::{ComplementaritySystem, Library};
+use super::ComplementaritySystem;
+use super::library::Library;
+use super::pointwise::{Point, eval};
+use super::units::Units;
 use crate::event::{Event, Observer, Segment};
 
 /// Instants at which a system is looked at before a run, as parts of the horizon.
@@ -108,7 +109,7 @@ impl Balanced {
     fn change(&mut self, units: &Units) {
         let system = &self.stated.system;
         let is_stated = Units::stated(system).suit(units);
-        self.scaled = (!is_stated).then(|| (units.clone(), system.in_units(units).into()));
+        self.scaled = (!is_stated).then(|| (units.clone(), units.scale(system).into()));
     }
 
     /// The units by the start of a run.
