@@ -214,3 +214,35 @@ fn forces_have_no_bound() {
         nsd_tests::assert_near(&end(&found, "x"), &[0.0, 0.0], 1e-12);
     }
 }
+
+#[test]
+fn steps_of_time_begin_at_rest_and_end_on_ties() {
+    // Friction holds until t = 1/2: v = (t - 1/2)² and x = (t - 1/2)³/3 behind that.
+    for steps in [10, 100, 400, 1000] {
+        let text = format!(
+            "model m {{ state x = 0; state v = 0; x' = v; v' = 2*time - sign(v); }}
+             simulate s of m {{ horizon 1; method timestepping {{ steps = {steps}; }} }}"
+        );
+        let found = run(&text, "s");
+        assert_eq!(found.status, Status::Solved, "{steps}");
+        let exact = [0.25, 1.0 / 24.0];
+        let ends = [end(&found, "v"), end(&found, "x")].concat();
+        nsd_tests::assert_near(&ends, &exact, 1e-10);
+    }
+    // A node is where z jumps, while x slides.
+    for length in [1.0, 0.1, 5e-3, 1e-3] {
+        let model = format!(
+            "model m {{ param l = {length}; state x = 0; algebraic z = 0;
+               0 = z + z^3/l^2 - x - l*sin(0.9*time)*step(time - 0.65); x' = -2*z - 0.3*l*sign(x + 0.1*l); }}"
+        );
+        let ends = ["", "method timestepping { steps = 1000; }"].map(|method| {
+            let found = run(
+                &format!("{model} simulate s of m {{ horizon 2.5; {method} }}"),
+                "s",
+            );
+            assert_eq!(found.status, Status::Solved, "{length}, {method}");
+            end(&found, "x")[0] / length
+        });
+        nsd_tests::assert_near(&ends[..1], &ends[1..], 1e-5);
+    }
+}
