@@ -2,8 +2,7 @@
 //!
 //! Both are sequences of modes, each with the instant at which it begins. They are the same where one mode after the other
 //! is. Events that are closer together than a run is accurate may come in another order, or at once in one run alone: they
-//! are a group, and only the mode behind it counts. What one run alone comes to at the end, up to
-//! rounding, is none.
+//! are a group, and only the mode behind it counts. What one run alone comes to at the end, up to rounding, is none.
 
 use nsd_solver::hybrid::Side;
 

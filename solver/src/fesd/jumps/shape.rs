@@ -2,8 +2,8 @@
 //!
 //! In an element, states are polynomials through their values at its nodes, and α through its values. A switch has one
 //! side in an element: α is 0 or 1 at all of its nodes, or the state slides. A contact without a force is closed where
-//! its gap vanishes. The two switches of a disc slide where
-//! their 2α - 1 is inside of it, and are above where it is on the edge at all nodes.
+//! its gap vanishes. The two switches of a disc slide where their 2α - 1 is inside of it, and are above where it is on
+//! the edge at all nodes.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,6 +12,10 @@ use super::path::Piece;
 use crate::hybrid::Side;
 use crate::integrate::tableau::monomials;
 use crate::linalg::largest;
+
+/// The gap of a contact without a force that is so small is zero: programs, which are in the units of the model, leave it
+/// that of their rounding, also where all states are zero.
+const ROUNDED: f64 = 1e-14;
 
 /// α that is so close to 0 or 1 is.
 const ROUNDING: f64 = 1e-7;
@@ -91,7 +95,7 @@ impl Shape {
         }
         let m = x.len() / 2;
         let mut middle = |switch| member(switch, instants[m], x[m]);
-        let is_closed = |value: f64| value.abs() <= CLOSED * largest(x[m]);
+        let is_closed = |value: f64| value.abs() <= (CLOSED * largest(x[m])).max(ROUNDED);
         let sides =
             (0..n_switches).map(
                 |i| match (self.side(i, alphas, &mut middle), self.kinds[i]) {
