@@ -730,3 +730,23 @@ fn ranges_that_move_are_refused() {
         assert!(is_range, "{model}: {refused}");
     }
 }
+
+#[test]
+fn no_run_has_the_units_of_the_one_before() {
+    let model = "model m { param l = 1; state x = 1; state y = 0.5; x' = 0.2*y - l*sign(x); y' = -x - 0.4*l*sign(y + 0.3*l); }";
+    for method in ["fesd", "timestepping"] {
+        let text = format!("{model} simulate s of m {{ horizon 2; method {method}; }}");
+        let prepared = prepared(&text, &["l"]).expect("it is prepared");
+        let starts = [1e-6, 0.01, 1.0, 3e-5, 40.0].map(|size| [size, 0.5 * size]);
+        let alone = starts.map(|x0| {
+            let run = prepared.runs().run(&[x0[0]], Some(&x0), 2.0, &mut Silent);
+            run.expect("it runs").x
+        });
+        let mut runner = prepared.runs();
+        for at in [0, 1, 2, 3, 1, 4, 0, 2] {
+            let x0 = starts[at];
+            let found = runner.run(&[x0[0]], Some(&x0), 2.0, &mut Silent);
+            assert_eq!(found.expect("it runs").x, alone[at], "{method}, {x0:?}");
+        }
+    }
+}

@@ -14,7 +14,8 @@ const INSTANTS: [f64; 3] = [0.0, 0.34, 0.71];
 /// Points of a run at which terms are looked at, at most.
 const MOST_POINTS: usize = 64;
 
-/// A system as it is stated, and in the units that its last run had. Most systems need no others.
+/// A system as it is stated, and in the units that its last run had. Most systems need no others. Units depend on the start
+/// of a run alone, and on no run before it.
 #[derive(Clone, Debug)]
 pub struct Balanced {
     stated: Version,
@@ -74,8 +75,8 @@ impl Balanced {
         if start != self.start {
             self.start = start;
             let expected = self.expected(horizon, x0);
-            if !self.is_suited(&expected) {
-                self.change(&expected);
+            self.change(&expected);
+            if self.scaled.is_some() {
                 let mut sizes = Sizes::new(x0);
                 run(self.version(), &mut sizes);
                 let measured = self.measured(horizon, &sizes);
@@ -98,18 +99,14 @@ impl Balanced {
         scaled
     }
 
-    fn is_suited(&self, wanted: &Units) -> bool {
-        match &self.scaled {
-            Some((units, _)) => units.suit(wanted),
-            None => Units::stated(&self.stated.system).suit(wanted),
-        }
-    }
-
-    /// Takes other units.
+    /// Takes these units, or the stated ones where they serve.
     fn change(&mut self, units: &Units) {
         let system = &self.stated.system;
         let is_stated = Units::stated(system).suit(units);
-        self.scaled = (!is_stated).then(|| (units.clone(), units.scale(system).into()));
+        let is_present = (self.scaled.as_ref()).is_some_and(|(present, _)| present == units);
+        if is_stated || !is_present {
+            self.scaled = (!is_stated).then(|| (units.clone(), units.scale(system).into()));
+        }
     }
 
     /// The units by the start of a run.
