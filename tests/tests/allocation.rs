@@ -1,13 +1,13 @@
-//! Finite elements allocate nothing but where the active set changes, and steps through contacts nothing at all.
+//! Finite elements allocate nothing but where the active set changes, events and steps through contacts nothing at all.
 
-use nsd_solver::event::{Event, Segment};
+use nsd_solver::event::{Event, Segment, Simulator as EventSimulator};
 use nsd_solver::fesd::{Grid, Observer, Settings, Simulator};
-use nsd_solver::hybrid::Status;
+use nsd_solver::hybrid::{Settings as EventSettings, Status};
 use nsd_solver::integrate::tableau::Family;
 use nsd_solver::moreau::{self, Change};
 use nsd_tests::with_experiment;
 use nsdc::limit::Limit;
-use nsdc::lowering::dcs;
+use nsdc::lowering::{dcs, hybrid};
 use nsdc::simulate::fesd::complementarity;
 use nsdc::simulate::moreau::stepper;
 use std::ops::ControlFlow;
@@ -99,4 +99,43 @@ fn steps_through_contacts_allocate_nothing() {
         assert!(few.1 >= 1000, "{} impulses", few.1);
         assert_eq!(few.0, many.0);
     });
+}
+
+/// A ball that bounces without loss; a surface that is crossed again and again; a block on a belt that sticks and slips; and a
+/// relay with two thresholds.
+const EVENTS: [&str; 4] = [
+    "model ball { state q = 0.5; state v = 0; q' = v; v' = -9.81; jump floor when q <= 0 and v < 0 { v := -v; } }",
+    "model crossing { state x = 1; state y = 0; x' = y; y' = -x - 0.2*sign(x); }",
+    "model belt { state x = 1; state v = 0; x' = v; v' = -x - (0.5 + 0.5*exp(-abs(v - 0.2)))*sign(v - 0.2); }",
+    "model thermostat { state x = 0; switch heater = hysteresis(x, on = 1, off = 2); x' = 2*heater - 1; }",
+];
+
+/// What is kept of events to tell whether they accumulate grows by some entries wherever their number doubles.
+#[test]
+fn events_allocate_nothing() {
+    const KEPT: u64 = 8;
+    for model in EVENTS {
+        let name = model.split_whitespace().nth(1).expect("it has a name");
+        let text = format!("{model}\nsimulate run of {name} {{ horizon 10; }}");
+        with_experiment(&text, "run", |compiled| {
+            let states = compiled.system.states.iter();
+            let x0: Vec<f64> = states.map(|state| state.initial).collect();
+            let system = hybrid::lower(&compiled.system);
+            let mut simulator = EventSimulator::new(system, EventSettings::default());
+            let mut allocations = |horizon: f64| {
+                let mut events = 0;
+                let counted = allocation_counter::measure(|| {
+                    let outcome = simulator.run(0.0, horizon, &x0, &mut Silent);
+                    assert_eq!(outcome.status, Status::Solved, "{name}");
+                    events = outcome.stats.events;
+                });
+                (counted.count_total, events)
+            };
+            // The first run compiles its modes.
+            allocations(100.0);
+            let (few, many) = (allocations(100.0), allocations(1000.0));
+            assert!(many.1 >= few.1 + 200, "{name}: {} events", many.1);
+            assert!(many.0 <= few.0 + KEPT, "{name}: {few:?} and {many:?}");
+        });
+    }
 }

@@ -6,7 +6,7 @@
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::expansion::scales::TIE;
-use crate::hybrid::Side;
+use crate::hybrid::{Few, Side};
 
 /// What rounding grows by, at most.
 const GROWTH: f64 = 100.0;
@@ -16,7 +16,7 @@ const ROUNDS: usize = 12;
 
 /// The time in which errors grow by so much, where the point is: ln `GROWTH` over the largest eigenvalue of |∂f/∂x|.
 pub(crate) fn horizon(mode: &mut Mode) -> f64 {
-    let mut entries = Vec::new();
+    let mut entries: Few<(usize, usize, f64)> = Few::new();
     let (library, values) = (&mut mode.library, &mode.memory.values);
     mode.field
         .jacobian(library, values, |row, column, value: f64| {
@@ -28,7 +28,8 @@ pub(crate) fn horizon(mode: &mut Mode) -> f64 {
             product[row] += value * v[column];
         }
     };
-    let (mut v, mut product, mut square) = (vec![1.0; mode.n], vec![0.0; mode.n], 0.0);
+    let [mut v, mut product] = [1.0, 0.0].map(|value| Few::from_elem(value, mode.n));
+    let mut square = 0.0;
     for _ in 0..ROUNDS {
         times(&v, &mut product);
         times(&product, &mut v);

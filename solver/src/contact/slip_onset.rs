@@ -20,8 +20,8 @@ use crate::expansion::monitor::Monitor;
 use crate::expansion::series;
 use crate::expansion::step_size::StepSize;
 use crate::expansion::taylor::Expansion;
-use crate::hybrid::Side;
 use crate::hybrid::point::Point;
+use crate::hybrid::{Few, Side};
 use crate::integrate::step::Step;
 use crate::integrate::stepper::Stepper;
 use crate::integrate::watch::{Watch, first_event};
@@ -310,7 +310,7 @@ impl Onset {
 
     /// Takes the functions in which these slip velocities stick.
     pub(crate) fn hold(onsets: &[Onset], mode: &mut Mode, sides: &[Side]) {
-        let mut held: Box<[Side]> = sides.into();
+        let mut held: Few<Side> = sides.into();
         for i in onsets.iter().flat_map(|one| one.switches) {
             held[i] = Side::Slide;
         }

@@ -324,7 +324,7 @@ impl Enumeration<'_> {
         mode.vary(&alpha);
         let states = mode.focus.states.iter();
         Some(Choice {
-            sides: sides.to_vec(),
+            sides: sides.into(),
             alpha: group.iter().map(|&i| alpha[i]).collect(),
             f: states.map(|&state| mode.field.f[state]).collect(),
         })

@@ -11,8 +11,8 @@ use super::rows::Rows;
 use crate::event::state::State;
 use crate::events::bands::BandWidths;
 use crate::expansion::mode::Mode;
-use crate::hybrid::Side;
 use crate::hybrid::point::Point;
+use crate::hybrid::{Few, Side};
 use crate::linalg::redundancy::eliminate;
 
 /// Stops what is closed or sticks.
@@ -28,8 +28,9 @@ pub(crate) fn stabilize(mode: &mut Mode, state: &mut State) {
 /// Stops what is closed or sticks on these sides in states x, at the time and with α of a point; false where nothing is
 /// closed.
 pub(crate) fn stop(mode: &mut Mode, point: &Point, taken: &[Side], x: &mut [f64]) -> bool {
-    let (mut sides, mut alpha): (Box<[Side]>, _) = (taken.into(), point.alpha.clone());
-    let mut rows = Vec::new();
+    let mut sides: Few<Side> = taken.into();
+    let mut alpha: Few<f64> = point.alpha[..].into();
+    let mut rows: Few<usize> = Few::new();
     for i in 0..taken.len() {
         let slides = taken[i] == Side::Slide;
         match mode.system.slip_of(i) {
@@ -65,7 +66,7 @@ pub(crate) fn stop(mode: &mut Mode, point: &Point, taken: &[Side], x: &mut [f64]
 
 /// Lets what slips do so in the direction that impulses have left.
 fn redirect_slips(mode: &mut Mode, state: &mut State) {
-    let mut sides = state.point.sides.clone();
+    let mut sides = Few::from_slice(&state.point.sides);
     mode.move_to(&state.point);
     for (i, side) in sides.iter_mut().enumerate() {
         let contact = mode.system.slip_of(i);
@@ -78,5 +79,5 @@ fn redirect_slips(mode: &mut Mode, state: &mut State) {
             *side = Side::of(-side.sign());
         }
     }
-    state.point.set_sides(sides);
+    state.point.set_sides(&sides);
 }

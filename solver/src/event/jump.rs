@@ -22,7 +22,7 @@ use crate::event::state::{Jumps, State};
 use crate::events::bands::BandWidths;
 use crate::expansion::mode::Mode;
 use crate::hybrid::system::on_surface;
-use crate::hybrid::{Effect, Guard, HybridSystem, Law, Side, Status};
+use crate::hybrid::{Effect, Few, Guard, HybridSystem, Law, Side, Status};
 use crate::selector::closing::{Bent, Closing};
 use crate::selector::select::TOUCH;
 
@@ -70,9 +70,9 @@ impl<'a> JumpLaws<'a> {
     }
 
     /// The laws of surfaces that the state strikes from above.
-    pub(crate) fn struck(&mut self, state: &mut State) -> Vec<usize> {
-        let mut struck = Vec::new();
-        let mut speeds = Vec::new();
+    pub(crate) fn struck(&mut self, state: &mut State) -> Few<usize> {
+        let mut struck = Few::new();
+        let mut speeds: Few<(usize, f64)> = Few::new();
         let mode = &mut self.mode;
         mode.move_to(&state.point);
         for &(l, switch) in &state.jumps.near {
@@ -85,8 +85,8 @@ impl<'a> JumpLaws<'a> {
             mode.surfaces.stand_for(switch, order);
         }
         state.jumps.grazed.clear();
-        struck.retain(|&law| {
-            let Some(switch) = self.system.laws[law].closes() else {
+        struck.retain(|law| {
+            let Some(switch) = self.system.laws[*law].closes() else {
                 return true;
             };
             let grazes = state.point.sides[switch] != Side::Slide && self.grazes(state, switch);
@@ -96,7 +96,8 @@ impl<'a> JumpLaws<'a> {
             !grazes
         });
         if !struck.is_empty() {
-            state.jumps.struck = speeds;
+            state.jumps.struck.clear();
+            state.jumps.struck.extend(speeds);
         }
         struck
     }
@@ -121,7 +122,7 @@ impl<'a> JumpLaws<'a> {
     }
 
     /// The laws whose guards hold on the present sides, but those that end the run.
-    pub(crate) fn holding(&self, state: &mut State) -> Vec<usize> {
+    pub(crate) fn holding(&self, state: &mut State) -> Few<usize> {
         let laws = self.system.laws.iter().enumerate();
         let jumps = laws.filter(|(_, law)| !matches!(law.effect, Effect::Stop));
         let holds = |(l, law): (usize, &Law)| law.holds(state, &[]).then_some(l);

@@ -14,7 +14,7 @@ use crate::expansion::scales::Bands;
 use crate::hybrid::periodic::{are_one, latest};
 use crate::hybrid::point::Point;
 use crate::hybrid::status::Stats;
-use crate::hybrid::{HybridSystem, Outcome, Piecewise, Settings, Side, Status};
+use crate::hybrid::{Few, HybridSystem, Outcome, Piecewise, Settings, Side, Status};
 use crate::integrate::step::Step;
 use crate::runtime::pace::Pace;
 use crate::selector::select::Met;
@@ -31,7 +31,7 @@ struct History {
     events: zeno::Events,
     chatter: chattering::Chatter,
     /// The mode before an accumulation of events, and where it ends.
-    limit: Option<(Box<[Side]>, f64)>,
+    limit: Option<(Few<Side>, f64)>,
     violation: f64,
     pace: Pace,
     /// Events in a row without progress in time.
@@ -135,9 +135,9 @@ impl Ahead {
 /// The step before an event.
 struct Before {
     /// Its mode.
-    from: Box<[Side]>,
+    from: Few<Side>,
     /// What it met at its end, and whether its end was known before.
-    met: Vec<usize>,
+    met: Few<usize>,
     is_scheduled: bool,
     length: f64,
 }
@@ -173,7 +173,7 @@ pub fn run_decided(
 }
 
 /// Adds the steps of time whose instant is one with that of a sample, which may be earlier by rounding.
-fn meet_steps(mode: &mut Mode, state: &State, triggers: &mut Vec<usize>) {
+fn meet_steps(mode: &mut Mode, state: &State, triggers: &mut Few<usize>) {
     let t = state.point.t;
     mode.move_to(&state.point);
     for i in 0..state.point.sides.len() {
@@ -291,7 +291,7 @@ impl Simulator {
         }
         self.locate(state, history, &mut step, meets, [t0, t1])?;
         let before = Before {
-            from: state.point.sides.clone(),
+            from: Few::from_slice(&state.point.sides),
             met: step.triggers.clone(),
             is_scheduled: is_known,
             length: step.length,
@@ -305,7 +305,7 @@ impl Simulator {
             .decisions
             .iter()
             .any(|decision| decision.folds);
-        if before.from == state.point.sides && !jumped && !folded && !stopped {
+        if *before.from == *state.point.sides && !jumped && !folded && !stopped {
             return Ok(());
         }
         self.record(state, history, before, t1, observer)?;
@@ -413,7 +413,7 @@ impl Simulator {
     fn next_mode(
         &mut self,
         state: &mut State,
-        triggers: Vec<usize>,
+        triggers: Few<usize>,
         meets: Meets,
         t1: f64,
     ) -> Result<(), Status> {
@@ -449,7 +449,7 @@ impl Simulator {
         state.report.stats.scheduled += usize::from(before.is_scheduled);
         let slides = |sides: &[Side]| sides.iter().filter(|s| **s == Side::Slide).count();
         let more = slides(&state.point.sides) > slides(from);
-        if *from != state.point.sides {
+        if **from != *state.point.sides {
             history.events.record(state.point.t, from);
             history.chatter.record(state.point.t, &state.point.x, from);
             history.chatter.average(self, state, t1)?;

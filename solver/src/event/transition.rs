@@ -5,7 +5,7 @@ use super::jump::JumpLaws;
 use super::standing::Surfaces;
 use crate::contact::impact::Impacts;
 use crate::event::state::State;
-use crate::hybrid::{Effect, Side, Status};
+use crate::hybrid::{Effect, Few, Side, Status};
 use crate::selector::select::{Met, Selector};
 
 /// Jumps at one instant before they count as endless.
@@ -29,7 +29,7 @@ impl Simulator {
         self.pieces.until = self.mode.memory.load(&self.system, state.point.t);
         let relay = |i: usize| self.system.relay(i).unwrap_or(Side::Plus);
         let sides = (0..state.point.sides.len()).map(relay);
-        state.point.set_sides(sides.collect());
+        state.point.set_sides(&sides.collect::<Few<Side>>());
     }
 
     /// Finds the mode at the start, taking every surface that holds the state as meeting there.
@@ -52,18 +52,18 @@ impl Simulator {
     /// Lets everything jump that jumps here, and finds the mode that goes on.
     fn jump_and_pass(&mut self, state: &mut State, mut met: Met, t1: f64) -> Result<(), Status> {
         state.jumps.begin();
-        let mut last: Vec<usize> = Vec::new();
+        let mut last: Few<usize> = Few::new();
         let (Met::Surfaces(on) | Met::Breakpoint(on)) = &mut met;
         self.selector().wake(state, on, t1);
         JumpLaws::new(&mut self.mode).find_near(state, on, t1);
         // At the start no side is one before.
         let is_step = |i: &usize| state.selection.begun && self.system.switches[*i].is_plain();
-        let mut steps: Vec<usize> = on.iter().copied().filter(is_step).collect();
+        let mut steps: Few<usize> = on.iter().copied().filter(is_step).collect();
         let mut due = std::mem::take(&mut state.jumps.known.due);
         for _ in 0..MAX_ROUNDS {
             let mut fired = JumpLaws::new(&mut self.mode).struck(state);
             // What is reached counts as such before anything that it sets off takes the state away.
-            let mut reached: Vec<usize> = (fired.iter())
+            let mut reached: Few<usize> = (fired.iter())
                 .filter_map(|&law| self.system.laws[law].closes())
                 .collect();
             reached.extend_from_slice(&steps);
@@ -92,7 +92,7 @@ impl Simulator {
                     return Ok(());
                 }
                 fired = JumpLaws::new(&mut self.mode).holding(state);
-                fired.append(&mut due);
+                fired.extend(due.drain(..));
             }
             if fired.is_empty() {
                 return Ok(());
@@ -125,7 +125,9 @@ impl Simulator {
             met = Met::Surfaces(on);
             last = fired;
         }
-        Err(Status::EndlessJumps { laws: last })
+        Err(Status::EndlessJumps {
+            laws: last.into_vec(),
+        })
     }
 
     /// Kicks the state at one of these instants, and finds the mode where it is then. Sliding does not survive where

@@ -226,7 +226,7 @@ impl Chatter {
             state.point.sides.clone(),
         );
         last.switches.iter().for_each(|&i| sides[i] = Side::Slide);
-        state.point.set_sides(sides);
+        state.point.set_sides(&sides);
         simulator.mode.enter(&state.point.sides);
         let solved = simulator.mode.solve_alpha(time, &x, &mut state.point.alpha);
         let mut slides = solved.is_ok() && is_affine(&mut simulator.mode, &state.point);

@@ -7,7 +7,7 @@
 
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
-use crate::hybrid::{Note, Side};
+use crate::hybrid::{Few, Note, Side};
 use crate::selector::select::Selector;
 
 /// Roundings of its terms below which ψ is zero.
@@ -34,7 +34,7 @@ pub(crate) struct Simultaneous<'a> {
 impl Simultaneous<'_> {
     /// Takes out of `triggers`, which meet here, those whose surfaces are reached later, where that makes
     /// a difference to a state above its tolerance.
-    pub(crate) fn tell_apart(&mut self, state: &mut State, triggers: &mut Vec<usize>, t1: f64) {
+    pub(crate) fn tell_apart(&mut self, state: &mut State, triggers: &mut Few<usize>, t1: f64) {
         let has_no_side = |&i: &usize| {
             let is_relay = self.selector.system.relay(i).is_some();
             is_relay || self.selector.system.across(i).is_some()
@@ -48,7 +48,8 @@ impl Simultaneous<'_> {
             let psi = mode.psi(i) * state.point.sides[i].sign();
             psi > ROUNDINGS * f64::EPSILON * state.bands.terms[i]
         };
-        let (later, now): (Vec<usize>, Vec<usize>) = triggers.iter().partition(|&&i| is_ahead(i));
+        let (later, now): (Few<usize>, Few<usize>) =
+            triggers.iter().copied().partition(|&i| is_ahead(i));
         let apart = !later.is_empty() && !now.is_empty();
         if apart && self.moves_between(state, &now, &later) {
             *triggers = now;

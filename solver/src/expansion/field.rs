@@ -7,7 +7,7 @@ use wide::f64x4;
 
 use super::layout::{Memory, Registers};
 use crate::hybrid::form::Library;
-use crate::hybrid::{Block, HybridSystem, Input, Partials, Side};
+use crate::hybrid::{Block, Few, HybridSystem, Input, Partials, Side};
 use crate::tape::{Ball, Lane, Recurrences, Step, Tape, UNBOUNDED};
 
 pub(crate) struct Field {
@@ -403,8 +403,8 @@ impl Field {
 
     /// The degrees of all states as polynomials in time, where each is one and nothing slides: where rates are polynomials
     /// of states that do not depend on each other in a circle.
-    pub(crate) fn degrees(&mut self) -> Option<Vec<u32>> {
-        let mut degrees = vec![UNBOUNDED; self.f.len()];
+    pub(crate) fn degrees(&mut self) -> Option<Few<u32>> {
+        let mut degrees = Few::from_elem(UNBOUNDED, self.f.len());
         let mut open = degrees.len();
         while open > 0 {
             let before = open;

@@ -19,7 +19,7 @@ use super::sliding::Sliding;
 use super::surfaces::Surfaces;
 use crate::hybrid::form::Library;
 use crate::hybrid::point::Point;
-use crate::hybrid::{HybridSystem, Side};
+use crate::hybrid::{Few, HybridSystem, Side};
 use crate::linalg::Singular;
 
 pub(crate) struct Mode {
@@ -291,7 +291,7 @@ impl Mode {
     }
 
     /// ψ of all switches at a point of a run.
-    pub(crate) fn all_psi(&mut self, point: &Point) -> Vec<f64> {
+    pub(crate) fn all_psi(&mut self, point: &Point) -> Few<f64> {
         self.move_to(point);
         self.enter_surfaces(&point.sides);
         (0..point.sides.len()).map(|i| self.psi(i)).collect()

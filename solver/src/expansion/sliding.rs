@@ -6,6 +6,7 @@
 
 use super::field::Field;
 use super::surfaces::{Surfaces, orientation};
+use crate::hybrid::Few;
 use crate::linalg::redundancy::eliminate;
 use crate::linalg::{BlockLu, DenseLu, Singular};
 
@@ -116,7 +117,7 @@ impl Components {
         self.switches.clear();
         self.starts.clear();
         self.starts.push(0);
-        let mut members: Vec<(usize, usize)> = (0..sliding.len())
+        let mut members: Few<(usize, usize)> = (0..sliding.len())
             .map(|at| (root(&mut self.parent, at), at))
             .collect();
         members.sort_unstable();

@@ -18,6 +18,7 @@ pub use outcome::Outcome;
 pub use periodic::{LEAST_SHARE, Periodic};
 pub use piecewise::{Piece, Piecewise, write_pieces};
 pub use settings::Settings;
+pub(crate) use side::Few;
 pub use side::Side;
 pub use sided::Sided;
 pub use status::{Coefficient, Function, Note, Stats, Status};

@@ -1,6 +1,6 @@
 //! A point of a run: time, states, and the mode with its α.
 
-use super::Side;
+use super::{Few, Side};
 
 /// (t, x, α), with the side of every switch.
 #[derive(Default)]
@@ -42,8 +42,8 @@ impl Point {
     }
 
     /// The sides, with those of some switches replaced.
-    pub(crate) fn sides_with(&self, switches: &[usize], sides: &[Side]) -> Box<[Side]> {
-        let mut all = self.sides.clone();
+    pub(crate) fn sides_with(&self, switches: &[usize], sides: &[Side]) -> Few<Side> {
+        let mut all = Few::from_slice(&self.sides);
         for (&i, &side) in switches.iter().zip(sides) {
             all[i] = side;
         }
@@ -51,26 +51,34 @@ impl Point {
     }
 
     /// The sides where some more switches slide.
-    pub(crate) fn sides_sliding(&self, switches: &[usize]) -> Box<[Side]> {
-        let mut all = self.sides.clone();
+    pub(crate) fn sides_sliding(&self, switches: &[usize]) -> Few<Side> {
+        let mut all = Few::from_slice(&self.sides);
         switches.iter().for_each(|&i| all[i] = Side::Slide);
         all
     }
 
     /// Puts some switches on other sides.
     pub(crate) fn change_sides(&mut self, switches: &[usize], sides: &[Side]) {
-        self.set_sides(self.sides_with(switches, sides));
+        for (&i, &side) in switches.iter().zip(sides) {
+            self.sides[i] = side;
+        }
+        self.keep_alpha();
     }
 
     /// Sets the mode, with α where it is constant.
-    pub(crate) fn set_sides(&mut self, sides: Box<[Side]>) {
-        for (alpha, side) in self.alpha.iter_mut().zip(&sides) {
+    pub(crate) fn set_sides(&mut self, sides: &[Side]) {
+        self.sides.copy_from_slice(sides);
+        self.keep_alpha();
+    }
+
+    /// Sets α where it is constant.
+    fn keep_alpha(&mut self) {
+        for (alpha, side) in self.alpha.iter_mut().zip(&self.sides) {
             match side {
                 Side::Minus => *alpha = 0.0,
                 Side::Plus => *alpha = 1.0,
                 Side::Slide => {}
             }
         }
-        self.sides = sides;
     }
 }

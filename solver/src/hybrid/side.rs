@@ -1,6 +1,10 @@
 //! Sides of a switch.
 
 use serde::{Deserialize, Serialize};
+use smallvec::SmallVec;
+
+/// A list that is short as a rule, as of the switches that meet at an event: so few entries take no memory of their own.
+pub(crate) type Few<T> = SmallVec<[T; 8]>;
 
 /// Where a switch stands relative to its surface ψ = 0.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug, Serialize, Deserialize)]

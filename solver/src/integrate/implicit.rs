@@ -20,7 +20,7 @@ use crate::expansion::scales::{Bands, ROUNDINGS};
 use crate::expansion::series;
 use crate::expansion::step_size::StepSize;
 use crate::expansion::taylor::Expansion;
-use crate::hybrid::{Side, Stats, Status};
+use crate::hybrid::{Few, Side, Stats, Status};
 
 /// Steps rejected in a row, for what their polynomials missed, before the method is given up.
 const MAX_REJECTED: usize = 30;
@@ -193,7 +193,7 @@ struct Cut {
     event: Option<(Root, Watch)>,
     length: f64,
     /// The switches that the event is of.
-    triggers: Vec<usize>,
+    triggers: Few<usize>,
     /// Whether the step that ends there could be solved.
     is_located: bool,
 }
@@ -241,7 +241,7 @@ impl Stiff<'_> {
         let mut cut = Cut {
             event: first_event(roots, dense, state, h, closeness),
             length: h,
-            triggers: Vec::new(),
+            triggers: Few::new(),
             is_located: true,
         };
         let Some((root, watch)) = cut.event else {

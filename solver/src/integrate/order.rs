@@ -10,7 +10,7 @@
 use crate::expansion::mode::Mode;
 use crate::expansion::scales::Scales;
 use crate::expansion::step_size::StepSize;
-use crate::hybrid::{HybridSystem, Side};
+use crate::hybrid::{Few, HybridSystem, Side};
 use crate::tape::UNBOUNDED;
 
 /// The least order that is looked at.
@@ -30,7 +30,7 @@ pub(crate) struct ShortOrder {
     full: usize,
     /// That of the present mode, and its sides: below the full one where all of it are polynomials.
     here: usize,
-    sides: Option<Box<[Side]>>,
+    sides: Option<Few<Side>>,
     chosen: usize,
     /// (h/ρ)^(q+1) at most; zero where no law jumps at known instants.
     tolerance: f64,
@@ -72,7 +72,7 @@ impl ShortOrder {
         if self.sides.as_deref() != Some(&*mode.sides) {
             let degree = degree(mode).map(|degree| degree.saturating_add(ENDS));
             self.here = degree.map_or(self.full, |order| order.min(self.full));
-            self.sides = Some(mode.sides.clone());
+            self.sides = Some(Few::from_slice(&mode.sides));
         }
         mode.memory.order = match sets_off {
             true => self.full,

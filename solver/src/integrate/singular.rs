@@ -20,7 +20,7 @@ use crate::expansion::scales::Bands;
 use crate::expansion::scales::SMALLEST;
 use crate::expansion::taylor::MODERATE;
 use crate::hybrid::point::Point;
-use crate::hybrid::{Side, Status};
+use crate::hybrid::{Few, Side, Status};
 
 /// What the error of a straight step is of h times the change of f: 1/(1 + p) - 1/2ᵖ is no larger for 0 < p ≤ 1.
 const SHARE: f64 = 0.1;
@@ -220,7 +220,7 @@ impl Stepper {
                     simultaneous(dense, &state.bands, root.tau, line.length, watch.switch());
                 (root.tau, together)
             }
-            None => (line.length, Vec::new()),
+            None => (line.length, Few::new()),
         };
         dense.states_at(length, &mut state.trial.x);
         if !state.trial.x.iter().all(|x| x.is_finite()) {

@@ -2,7 +2,7 @@
 
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
-use crate::hybrid::{Role, Status};
+use crate::hybrid::{Few, Role, Status};
 use crate::selector::selection::Fold;
 
 /// Newton's method for α of a nonlinear switch has diverged if α is farther than this outside of [0, 1].
@@ -14,7 +14,7 @@ pub(crate) struct Step {
     pub length: f64,
     pub reaches_end: bool,
     /// Switches whose surface is reached, or whose sliding ends, at the end of the step.
-    pub triggers: Vec<usize>,
+    pub triggers: Few<usize>,
     /// ‖x' - f‖ h at the end, relative to the magnitude of the states.
     pub defect: f64,
     /// Whether its polynomials are those of the implicit method.
@@ -43,7 +43,7 @@ impl Step {
     /// One without a length, at the end of which a switch changes.
     pub(crate) fn at_once(switch: usize) -> Self {
         Step {
-            triggers: vec![switch],
+            triggers: Few::from_slice(&[switch]),
             ..Step::default()
         }
     }

@@ -23,7 +23,7 @@ use crate::expansion::monitor::Monitor;
 use crate::expansion::series;
 use crate::expansion::taylor::Expansion;
 use crate::hybrid::point::Point;
-use crate::hybrid::{HybridSystem, Settings, Status, Switch};
+use crate::hybrid::{Few, HybridSystem, Settings, Status, Switch};
 use crate::selector::selection::Fold;
 
 /// Halvings of a step before it counts as impossible.
@@ -302,7 +302,7 @@ impl Stepper {
         let Cut { event, ends, .. } = cut;
         let (length, triggers) = match event {
             Some((root, watch)) => self.polish_event(mode, state, root, watch, h)?,
-            None => (cut.length, Vec::new()),
+            None => (cut.length, Few::new()),
         };
         if triggers.is_empty() && h < longest && ends.is_none() {
             let motion = motion(mode, state, h);
@@ -343,7 +343,7 @@ impl Stepper {
         root: Root,
         watch: Watch,
         h: f64,
-    ) -> Result<(f64, Vec<usize>), Status> {
+    ) -> Result<(f64, Few<usize>), Status> {
         verify_start(Dense::Taylor(mode), &state.bands, root.tau, watch, h)?;
         // A double root of ψ is no better known from ψ than from its series.
         let tau = if is_at_end(Dense::Taylor(mode), root.tau, h, watch) {

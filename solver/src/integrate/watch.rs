@@ -11,7 +11,7 @@ use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
 use crate::expansion::scales::{BAND, Bands, TIE};
 use crate::expansion::series;
-use crate::hybrid::Status;
+use crate::hybrid::{Few, Status};
 
 /// What is monitored for a root: ψ off the surface, α and 1 - α on it.
 #[derive(Clone, Copy)]
@@ -204,7 +204,7 @@ pub(crate) fn simultaneous(
     tau: f64,
     h: f64,
     trigger: usize,
-) -> Vec<usize> {
+) -> Few<usize> {
     let mode = dense.mode();
     let together = |&i: &usize| {
         let alpha = series::value(dense.alpha(i), tau);
@@ -212,7 +212,7 @@ pub(crate) fn simultaneous(
             || (mode.system.switches[i].limits().iter())
                 .any(|limit| (alpha - limit).abs() <= TOGETHER)
     };
-    let mut triggers: Vec<usize> = mode.sliding.iter().copied().filter(together).collect();
+    let mut triggers: Few<usize> = mode.sliding.iter().copied().filter(together).collect();
     let reached = |&i: &usize| {
         let c = dense.psi(i);
         let size = match mode.system.switches[i].is_in_disc() {

@@ -308,7 +308,7 @@ impl<'a> Initialization<'a> {
         for (i, side) in candidate(&self.pairs, choice) {
             sides[i] = side;
         }
-        point.set_sides(sides);
+        point.set_sides(&sides);
     }
 
     /// Takes the sides of all switches that may be inside an equation.
@@ -328,7 +328,7 @@ impl<'a> Initialization<'a> {
             if sides == point.sides {
                 break;
             }
-            point.set_sides(sides);
+            point.set_sides(&sides);
         }
     }
 

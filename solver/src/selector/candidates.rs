@@ -177,7 +177,7 @@ impl<'a> Enumeration<'a> {
             mode.vary(&alpha);
             let states = mode.focus.states.iter();
             found.push(Choice {
-                sides: sides.to_vec(),
+                sides: sides.into(),
                 alpha: group.iter().map(|&i| alpha[i]).collect(),
                 f: states.map(|&state| mode.field.f[state]).collect(),
             });

@@ -17,6 +17,16 @@ pub(crate) struct Bent {
     pub bend: f64,
 }
 
+impl Bent {
+    /// Whether a contact opens by less than its ψ is known until it is bent back.
+    pub(crate) fn closes(&self, state: &State, switch: usize) -> bool {
+        let Bent { speed, bend } = *self;
+        let rounding = ROUNDING * bend.abs() * state.scales.last_step.powi(2);
+        let least = 2.0 * state.bands.width[switch].max(rounding);
+        speed > 0.0 && bend < 0.0 && speed * speed <= 2.0 * bend.abs() * least
+    }
+}
+
 /// What a series does below this fraction of its terms is rounding.
 pub(crate) const ROUNDING: f64 = 1e-13;
 
@@ -66,13 +76,10 @@ impl Closing<'_> {
     /// Closes a contact that opens by less than its ψ is known until it is bent back: takes its speed away, in the
     /// direction in which its force acts. True where it did.
     pub(crate) fn shut(&mut self, state: &mut State, switch: usize, bent: Bent) -> bool {
-        let Bent { speed, bend } = bent;
-        let rounding = ROUNDING * bend.abs() * state.scales.last_step.powi(2);
-        let least = 2.0 * state.bands.width[switch].max(rounding);
-        let opens = speed > 0.0 && bend < 0.0;
-        if !opens || speed * speed > 2.0 * bend.abs() * least {
+        if !bent.closes(state, switch) {
             return false;
         }
+        let Bent { speed, bend } = bent;
         let mode = &mut self.mode;
         let known = state.jumps.struck.iter().find(|struck| struck.0 == switch);
         let ratio = known.map_or(1.0, |(_, before)| speed / before);

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::hybrid::{HybridSystem, Role};
+use crate::hybrid::{Few, HybridSystem, Role};
 
 /// Couplings of the switches of a system.
 pub(crate) struct Coupling {
@@ -32,8 +32,8 @@ impl Coupling {
     }
 
     /// The surfaces among `meeting` that `switch` interacts with, in order.
-    pub(crate) fn interacting(&self, switch: usize, meeting: &[usize]) -> Vec<usize> {
-        let mut group = vec![switch];
+    pub(crate) fn interacting(&self, switch: usize, meeting: &[usize]) -> Few<usize> {
+        let mut group = Few::from_slice(&[switch]);
         if self.only_watches(switch) {
             return group;
         }

@@ -6,6 +6,8 @@
 //! rates, and sliding does not survive a jump of its own ψ. Relays among them may make others jump in
 //! turn; all that is due at one time happens together.
 
+use smallvec::SmallVec;
+
 use super::algebraic::Initialization;
 use super::select::{Met, Selector};
 use crate::event::state::State;
@@ -14,10 +16,10 @@ use crate::expansion::monitor::Monitor;
 use crate::expansion::series;
 use crate::expansion::step_size::StepSize;
 use crate::expansion::taylor::Expansion;
-use crate::hybrid::{HybridSystem, Role, Side, Status};
+use crate::hybrid::{Few, HybridSystem, Role, Side, Status};
 
 /// The switches on another side.
-pub(super) fn changes(before: &[Side], after: &[Side]) -> Vec<usize> {
+pub(super) fn changes(before: &[Side], after: &[Side]) -> Few<usize> {
     (0..before.len())
         .filter(|&i| before[i] != after[i])
         .collect()
@@ -25,15 +27,15 @@ pub(super) fn changes(before: &[Side], after: &[Side]) -> Vec<usize> {
 
 /// Of switches that are to change, those that do first: a relay remembers what others have been for a moment, so it comes
 /// behind all others, and behind the relays that it reads.
-pub(super) fn innermost(system: &HybridSystem, changed: &[usize]) -> Vec<usize> {
+pub(super) fn innermost(system: &HybridSystem, changed: &[usize]) -> Few<usize> {
     let is_relay = |i: &usize| system.relay(*i).is_some();
-    let (relays, others): (Vec<usize>, Vec<usize>) = changed.iter().partition(|i| is_relay(i));
+    let (relays, others): (Few<usize>, Few<usize>) = changed.iter().copied().partition(is_relay);
     if !others.is_empty() {
         return others;
     }
     let reads = |i: usize, k: usize| i != k && system.switches[i].inside.binary_search(&k).is_ok();
     let is_first = |&&i: &&usize| !relays.iter().any(|&k| reads(i, k));
-    let first: Vec<usize> = relays.iter().filter(is_first).copied().collect();
+    let first: Few<usize> = relays.iter().filter(is_first).copied().collect();
     if first.is_empty() { relays } else { first }
 }
 
@@ -45,17 +47,18 @@ impl Selector<'_> {
         state: &mut State,
         triggers: &[usize],
         t1: f64,
-    ) -> Result<Vec<usize>, Status> {
-        let (leading, mut open): (Vec<usize>, Vec<usize>) = triggers
+    ) -> Result<Few<usize>, Status> {
+        let (leading, mut open): (Few<usize>, Few<usize>) = triggers
             .iter()
-            .partition(|&&i| self.system.switches[i].leads());
+            .copied()
+            .partition(|&i| self.system.switches[i].leads());
         if leading.is_empty() {
             return Ok(open);
         }
         self.bands().measure(state, &leading, t1 - state.point.t);
-        let before = state.point.sides.clone();
+        let before: Few<Side> = Few::from_slice(&state.point.sides);
         let psi = self.mode.all_psi(&state.point);
-        let flips: Vec<usize> = (leading.iter().copied())
+        let flips: Few<usize> = (leading.iter().copied())
             .filter(|&i| self.system.relay(i).is_some() && self.leaves(state, i, t1))
             .collect();
         for &i in &leading {
@@ -85,27 +88,29 @@ impl Selector<'_> {
         &mut self,
         state: &mut State,
         before: &[Side],
-        mut psi: Vec<f64>,
-        open: &mut Vec<usize>,
+        mut psi: Few<f64>,
+        open: &mut Few<usize>,
         t1: f64,
     ) -> Result<(), Status> {
-        let mut seen: Vec<Box<[Side]>> = Vec::new();
+        let mut seen: SmallVec<[Few<Side>; 2]> = SmallVec::new();
         while *state.point.sides != *seen.last().map_or(before, |sides| &**sides) {
             let last = seen.last().map_or(before, |sides| &**sides);
-            if *state.point.sides == *before || seen.contains(&state.point.sides) {
+            if *state.point.sides == *before
+                || seen.iter().any(|sides| **sides == *state.point.sides)
+            {
                 let all = || seen.iter().map(|sides| &**sides).chain([before]);
                 let differs = |i: &usize| all().any(|sides| sides[*i] != state.point.sides[*i]);
                 let switches = (0..before.len()).filter(differs).collect();
                 return Err(Status::Restless { switches });
             }
             let changed = changes(last, &state.point.sides);
-            seen.push(state.point.sides.clone());
+            seen.push(Few::from_slice(&state.point.sides));
             let last = std::mem::replace(&mut psi, self.mode.all_psi(&state.point));
             let holds = |&i: &usize| {
                 let inside = &self.system.switches[i].inside;
                 (changed.iter()).any(|j| *j != i && inside.binary_search(j).is_ok())
             };
-            let held: Vec<usize> = (0..before.len()).filter(holds).collect();
+            let held: Few<usize> = (0..before.len()).filter(holds).collect();
             self.bands().measure(state, &held, t1 - state.point.t);
             for i in held {
                 self.jump(state, i, last[i], psi[i], open);
@@ -121,7 +126,7 @@ impl Selector<'_> {
         i: usize,
         last: f64,
         psi: f64,
-        open: &mut Vec<usize>,
+        open: &mut Few<usize>,
     ) {
         let band = state.bands.width[i];
         // z jumps with an equation, which stays one.
@@ -140,22 +145,22 @@ impl Selector<'_> {
             if psi.abs() <= band {
                 open.push(i);
             } else {
-                open.retain(|&other| other != i);
+                open.retain(|other| *other != i);
                 state.point.change_sides(&[i], &[Side::of(psi)]);
             }
         }
     }
 
     /// What a slip velocity with two entries does where it has jumped: it slips, or has come to zero.
-    fn jump_in_plane(&mut self, state: &mut State, pair: [usize; 2], open: &mut Vec<usize>) {
+    fn jump_in_plane(&mut self, state: &mut State, pair: [usize; 2], open: &mut Few<usize>) {
         let Mode {
             surfaces, memory, ..
         } = &mut *self.mode;
         let [w, other] = pair.map(|i| surfaces.value(i, &memory.values));
         let band = pair.map(|i| state.bands.width[i]);
         if w.hypot(other) <= band[0].max(band[1]) {
-            let slips = |i: &&usize| state.point.sides[**i] != Side::Slide;
-            open.extend(pair.iter().filter(slips));
+            let slips = |i: &usize| state.point.sides[*i] != Side::Slide;
+            open.extend(pair.into_iter().filter(slips));
             return;
         }
         open.retain(|i| !pair.contains(i));
@@ -167,12 +172,12 @@ impl Selector<'_> {
 
     /// Sends relays to their other side.
     fn flip(&self, state: &mut State, relays: &[usize]) {
-        let mut sides = state.point.sides.clone();
+        let mut sides: Few<Side> = Few::from_slice(&state.point.sides);
         for &i in relays {
             state.bands.armed[i] = false;
             sides[i] = Side::of(-sides[i].sign());
         }
-        state.point.set_sides(sides);
+        state.point.set_sides(&sides);
     }
 
     /// True when a relay on its threshold goes beyond it, in the present mode.
@@ -203,7 +208,7 @@ impl Selector<'_> {
         let instant = state.point.t.max(self.pieces.until);
         self.pieces.until = self.mode.memory.load(&self.system, instant);
         self.bands().measure(state, &switches, t1 - state.point.t);
-        let mut open = triggers.to_vec();
+        let mut open: Few<usize> = triggers.into();
         if !switches.is_empty() {
             let (before, psi) = (state.point.sides.clone(), self.mode.all_psi(&state.point));
             for (&i, last) in switches.iter().zip(last) {
@@ -216,11 +221,11 @@ impl Selector<'_> {
             self.cascade(state, &before, psi, &mut open, t1)?;
         }
         self.pieces.switches = switches;
-        let meets = |&&i: &&usize| {
+        let meets = |&i: &usize| {
             (state.point.sides[i] == Side::Slide || state.bands.armed[i])
                 && !self.system.switches[i].leads()
         };
-        open.extend(self.pieces.rates.iter().filter(meets));
+        open.extend(self.pieces.rates.iter().copied().filter(meets));
         open.sort_unstable();
         open.dedup();
         if open.is_empty() && !Initialization::is_unsettled(self.mode, state, t1) {
@@ -251,7 +256,7 @@ impl Onward<'_> {
     /// known.
     pub(crate) fn leads(self, state: &mut State, switch: usize, time: f64) -> Option<f64> {
         let Onward { mode, tolerance } = self;
-        let mut alpha = state.point.alpha.clone();
+        let mut alpha: Few<f64> = Few::from_slice(&state.point.alpha);
         mode.enter(&state.point.sides);
         let expanded = Expansion { mode }.around(state.point.t, &state.point.x, &mut alpha);
         expanded.ok()?;

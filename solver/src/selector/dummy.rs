@@ -10,7 +10,7 @@ use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::expansion::scales::TIE;
 use crate::hybrid::point::Point;
-use crate::hybrid::{Settings, Side, Status};
+use crate::hybrid::{Few, Settings, Side, Status};
 use crate::selector::nonlinear::ScalarRate;
 use crate::selector::selection::{Choice, Decision, Entry, SlidingMode, fastest};
 
@@ -244,8 +244,8 @@ impl<'a> Single<'a> {
         mode.vary(&alphas);
         let states = mode.focus.states.iter();
         Choice {
-            sides: vec![side],
-            alpha: vec![alpha],
+            sides: Few::from_slice(&[side]),
+            alpha: Few::from_slice(&[alpha]),
             f: states.map(|&state| mode.field.f[state]).collect(),
         }
     }

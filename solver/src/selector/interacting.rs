@@ -14,7 +14,7 @@ use crate::expansion::mode::Mode;
 use crate::expansion::scales::TIE;
 use crate::hybrid::point::Point;
 use crate::hybrid::status::Candidate;
-use crate::hybrid::{HybridSystem, Role, Settings, Side, Status};
+use crate::hybrid::{Few, HybridSystem, Role, Settings, Side, Status};
 use crate::linalg::DenseLu;
 use crate::selector::selection::{Choice, Decision, Entry, fastest};
 
@@ -241,15 +241,15 @@ impl<'a> Several<'a> {
 
     /// What rates of a group are relative to, and their sizes, without what a short step before says of their rounding;
     /// nothing where a rate has no size.
-    fn sizes(&mut self, state: &State, group: &[usize]) -> Option<(Vec<f64>, Vec<f64>)> {
+    fn sizes(&mut self, state: &State, group: &[usize]) -> Option<(Few<f64>, Few<f64>)> {
         let corners = [0.0, 1.0].map(|end| {
             let mut alphas = state.point.alpha.clone();
             group.iter().for_each(|&i| alphas[i] = end);
             self.mode.vary(&alphas);
             let states = self.mode.focus.states.iter();
             Choice {
-                sides: Vec::new(),
-                alpha: Vec::new(),
+                sides: Few::new(),
+                alpha: Few::new(),
                 f: states.map(|&state| self.mode.field.f[state]).collect(),
             }
         });
@@ -317,9 +317,9 @@ impl<'a> Several<'a> {
         let units = vec![1.0; group.len()];
         let mut agrees = |way: &Way| {
             let choice = Choice {
-                sides: way.sides.clone(),
-                alpha: way.alpha.clone(),
-                f: Vec::new(),
+                sides: Few::from_slice(&way.sides),
+                alpha: Few::from_slice(&way.alpha),
+                f: Few::new(),
             };
             let verdict =
                 Judge::new(self.mode, self.settings).verdict(state, group, &choice, &units, t1);

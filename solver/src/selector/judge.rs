@@ -21,10 +21,11 @@ use crate::expansion::series;
 use crate::expansion::step_size::StepSize;
 use crate::expansion::taylor::Expansion;
 use crate::hybrid::point::Point;
-use crate::hybrid::{HybridSystem, Note, Role, Settings, Side};
+use crate::hybrid::{Few, HybridSystem, Note, Role, Settings, Side};
 use crate::integrate::singular::StraightSteps;
 use crate::integrate::singular_rates::Roots;
 use crate::linalg::DenseLu;
+use crate::selector::closing::Bent;
 use crate::selector::selection::{Choice, Onset};
 
 /// Motions that differ less than this fraction of themselves are one.
@@ -113,11 +114,11 @@ impl<'a> Judge<'a> {
         state: &State,
         group: &[usize],
         most: impl Fn(usize) -> f64,
-    ) -> Vec<f64> {
+    ) -> Few<f64> {
         let mode = &mut self.mode;
         mode.vary(&state.point.alpha);
         mode.linearize(group);
-        let states = mode.focus.states.to_vec();
+        let states: Few<usize> = Few::from_slice(&mode.focus.states);
         let largest = |component: usize| {
             let at = states.partition_point(|&state| state < component);
             most(at).max(state.scales.activity[component])
@@ -136,7 +137,7 @@ impl<'a> Judge<'a> {
             let push: f64 = contacts.map(|&j| mode.coupling(*i, j).abs()).sum();
             terms + mode.surfaces.time_gradient(*i).abs() + within_a_step + NO_FORCE / TIE * push
         };
-        let rates: Vec<f64> = group.iter().map(rate).collect();
+        let rates: Few<f64> = group.iter().map(rate).collect();
         let rounded = |(&i, rate): (&usize, f64)| {
             let (surfaces, values) = (&mut mode.surfaces, &mode.memory.values);
             match mode.system.switches[i].is_plain() {
@@ -154,7 +155,7 @@ impl<'a> Judge<'a> {
         const NOTHING: f64 = 0.5 * f64::EPSILON;
         let mode = &mut *self.mode;
         let forces = group.iter().copied();
-        let forces: Vec<usize> = forces.filter(|&i| mode.system.is_unilateral(i)).collect();
+        let forces: Few<usize> = forces.filter(|&i| mode.system.is_unilateral(i)).collect();
         let pushed = &mut state.selection.pushed;
         let push = |mode: &Mode, i: usize| -> f64 {
             forces.iter().map(|&j| mode.coupling(i, j).abs()).sum()
@@ -164,7 +165,7 @@ impl<'a> Judge<'a> {
         if !forces.iter().any(is_open) {
             return;
         }
-        let mut alpha = state.point.alpha.clone();
+        let mut alpha: Few<f64> = Few::from_slice(&state.point.alpha);
         forces.iter().for_each(|&i| alpha[i] = 1.0);
         mode.vary(&alpha);
         mode.linearize(group);
@@ -177,7 +178,7 @@ impl<'a> Judge<'a> {
         let most = forces.iter().fold(0.0, |most: f64, &i| most.max(pushed[i]));
         if NOTHING < most && most < FAINT {
             let time = state.point.t;
-            let switches = forces;
+            let switches = forces.into_vec();
             state.report.note(Note::Faint { time, switches });
         }
     }
@@ -193,7 +194,7 @@ impl<'a> Judge<'a> {
     ) -> Check {
         self.mode.enter_choice(point, group, &choice.sides);
         let mode = &mut self.mode;
-        let mut alpha = point.alpha.clone();
+        let mut alpha: Few<f64> = Few::from_slice(&point.alpha);
         for (&i, &a) in group.iter().zip(&choice.alpha) {
             alpha[i] = a;
         }
@@ -280,10 +281,10 @@ impl<'a> Judge<'a> {
     /// What α of each of the group that slides is measured in, once rates are known: in what moves its ψ as fast as the
     /// rate is large, while the others that slide with it keep theirs. So an α is a tie at its bound exactly where the
     /// rate without it is one. 1 for others.
-    pub(crate) fn units(&self, group: &[usize], choice: &Choice, rates: &[f64]) -> Vec<f64> {
+    pub(crate) fn units(&self, group: &[usize], choice: &Choice, rates: &[f64]) -> Few<f64> {
         let mode = &self.mode;
         let slides = |at: &usize| choice.sides[*at] == Side::Slide;
-        let sliding: Vec<usize> = (0..group.len()).filter(slides).collect();
+        let sliding: Few<usize> = (0..group.len()).filter(slides).collect();
         let factors = self.factors(group, &sliding);
         // 1/(A⁻¹)_ii, or A_ii where it is that, or A is singular.
         let gain = |at: usize| {
@@ -440,12 +441,15 @@ impl Judge<'_> {
     /// Where they are no ties, and do not both lead away from the surface, it crosses if they have one sign, and slides if
     /// both lead to it. That is the only solution among all choices, and a clear one: φ is affine in α, so that its zero, where
     /// it has one, is off the ends of [0, 1] by min(|φ(0)|, |φ(1)|)/|∂φ/∂α| at least, which is no tie either. Twice a tie is
-    /// more than what rounding does to these.
+    /// more than what rounding does to these. Between them, f is no larger than at both.
     ///
     /// Where sliding has come to α = 1, φ(1) is a tie, and dα/dt > 0 rules out that it goes on. Beyond, f is that of sliding
     /// at this instant, along which φ stays zero: dφ(1)/dt = -∂φ/∂α dα/dt = (φ(0) - φ(1)) dα/dt > 0, and so it leaves. The same
     /// is true of α = 0.
     pub(crate) fn clear(&mut self, state: &State, switch: usize) -> Option<Choice> {
+        if self.system.is_struck(switch) {
+            return self.opens(state, switch);
+        }
         let of_switch = &self.system.switches[switch];
         let is_relay = self.system.relay(switch).is_some();
         let is_sign = of_switch.is_plain() && !of_switch.is_in_disc() && !is_relay;
@@ -454,14 +458,13 @@ impl Judge<'_> {
         }
         let mode = &mut *self.mode;
         mode.surfaces.linearize(switch, &mode.memory.values);
-        let mut alpha = state.point.alpha.clone();
+        let mut alpha: Few<f64> = Few::from_slice(&state.point.alpha);
         let [(below, minus), (above, plus)] = [0.0, 1.0].map(|value| {
             alpha[switch] = value;
             mode.vary(&alpha);
             let f = mode.focus.states.iter().map(|&state| mode.field.f[state]);
-            (mode.phi(switch), f.collect::<Vec<f64>>())
+            (mode.phi(switch), f.collect::<Few<f64>>())
         });
-        let zero = below / (below - above);
         let leaves = state.selection.leaving_to(switch, state.scales.last_step);
         let side = match (leaves, [below, above].map(|rate| rate.partial_cmp(&0.0))) {
             (Some(side), _) => side,
@@ -472,11 +475,7 @@ impl Judge<'_> {
             }
             _ => return None,
         };
-        let between = |at: usize| match zero.is_finite() {
-            true => minus[at] + zero * (plus[at] - minus[at]),
-            false => 0.0,
-        };
-        let most = |at: usize| minus[at].abs().max(plus[at].abs()).max(between(at).abs());
+        let most = |at: usize| minus[at].abs().max(plus[at].abs());
         let rate = self.rates(state, &[switch], most)[0];
         let is_clear = |phi: f64| phi > 2.0 * TIE * rate;
         let is_clear = match (leaves, side) {
@@ -484,14 +483,46 @@ impl Judge<'_> {
             (Some(_), _) => is_clear(-above) && below.abs() <= TIE * rate,
             (None, _) => is_clear(below.abs()) && is_clear(above.abs()),
         };
+        let zero = below / (below - above);
         let (alpha, f) = match side {
             Side::Minus => (0.0, minus),
             Side::Plus => (1.0, plus),
-            Side::Slide => (zero, (0..minus.len()).map(between).collect()),
+            Side::Slide => {
+                let between = |(minus, plus): (&f64, &f64)| minus + zero * (plus - minus);
+                (zero, minus.iter().zip(&plus).map(between).collect())
+            }
         };
         (is_clear && rate > 0.0).then(|| Choice {
-            sides: vec![side],
-            alpha: vec![alpha],
+            sides: Few::from_slice(&[side]),
+            alpha: Few::from_slice(&[alpha]),
+            f,
+        })
+    }
+
+    /// The choice of a contact alone that opens with a speed of its own: no force acts on it, if that leaves no doubt, and
+    /// nothing bends it back before its gap is known to be open.
+    fn opens(&mut self, state: &State, switch: usize) -> Option<Choice> {
+        if self.mode.surfaces.is_deep(switch) {
+            return None;
+        }
+        let mut alpha: Few<f64> = Few::from_slice(&state.point.alpha);
+        alpha[switch] = 1.0;
+        self.mode.eval(state.point.t, &state.point.x, &alpha);
+        self.mode.linearize(&[switch]);
+        let speed = self.mode.phi(switch);
+        let f = (self.mode.focus.states.iter()).map(|&state| self.mode.field.f[state]);
+        let f: Few<f64> = f.collect();
+        self.mode.surfaces.stand_for(switch, 1);
+        self.mode.linearize(&[switch]);
+        let bend = self.mode.phi(switch);
+        self.mode.surfaces.stand_for(switch, 0);
+        if (Bent { speed, bend }).closes(state, switch) {
+            return None;
+        }
+        let rate = self.rates(state, &[switch], |at| f[at].abs())[0];
+        (rate > 0.0 && speed > 2.0 * TIE * rate).then(|| Choice {
+            sides: Few::from_slice(&[Side::Plus]),
+            alpha: Few::from_slice(&[1.0]),
             f,
         })
     }

@@ -54,7 +54,7 @@ impl ModeSelector for Simulator {
         let found = match query.before {
             None => self.start(&mut state, query.t1 - query.t),
             Some((sides, alpha)) => {
-                state.point.set_sides(sides.into());
+                state.point.set_sides(sides);
                 state.point.alpha.copy_from_slice(alpha);
                 self.selector().go_on(&mut state, query)
             }

@@ -7,6 +7,8 @@
 
 use std::sync::Arc;
 
+use smallvec::SmallVec;
+
 use super::candidates::Enumeration;
 use super::coupling::Coupling;
 use super::dummy::Single;
@@ -19,7 +21,7 @@ use crate::expansion::mode::Mode;
 use crate::expansion::scales::{BAND, UNTOLD};
 use crate::hybrid::breakpoints::Pieces;
 use crate::hybrid::point::Point;
-use crate::hybrid::{HybridSystem, Note, Role, Settings, Side, Status};
+use crate::hybrid::{Few, HybridSystem, Note, Role, Settings, Side, Status};
 use crate::integrate::drift::Projection;
 use crate::integrate::singular_rates::{Rest, Roots, Settling};
 use crate::selector::algebraic::Initialization;
@@ -36,16 +38,16 @@ pub const MAX_NAMED: usize = 27;
 /// What a new mode is found for.
 pub(crate) enum Met {
     /// Switches on their surface, or at the end of their sliding.
-    Surfaces(Vec<usize>),
+    Surfaces(Few<usize>),
     /// New pieces of data, together with such switches.
-    Breakpoint(Vec<usize>),
+    Breakpoint(Few<usize>),
 }
 
 /// A choice that rates and α do not rule out, and what each α is measured in.
 struct Checked {
     choice: Choice,
     check: Check,
-    units: Vec<f64>,
+    units: Few<f64>,
 }
 
 /// Selects the mode that goes on from an event.
@@ -70,9 +72,9 @@ impl Selector<'_> {
         state: &mut State,
         horizon: f64,
         kept: &[usize],
-    ) -> Result<Vec<usize>, Status> {
-        let all: Vec<usize> = (0..state.point.sides.len()).collect();
-        let before = state.point.alpha.clone();
+    ) -> Result<Few<usize>, Status> {
+        let all: Few<usize> = (0..state.point.sides.len()).collect();
+        let before: Few<f64> = Few::from_slice(&state.point.alpha);
         Initialization::settle(self.mode, state, horizon)?;
         // ψ of a nested max depends on the sides of the inner one: settle from the inside out.
         for round in 0.. {
@@ -87,19 +89,21 @@ impl Selector<'_> {
                 _ if self.system.is_unilateral(i) || self.system.across(i).is_some() => Side::Plus,
                 _ => Side::of(psi),
             };
-            let wanted: Box<[Side]> = psi.iter().enumerate().map(side).collect();
+            let wanted: Few<Side> = psi.iter().enumerate().map(side).collect();
             let changed = changes(&state.point.sides, &wanted);
             if changed.is_empty() {
                 break;
             }
             if round > 2 * all.len() {
-                return Err(Status::Restless { switches: changed });
+                return Err(Status::Restless {
+                    switches: changed.into_vec(),
+                });
             }
-            let mut sides = state.point.sides.clone();
+            let mut sides: Few<Side> = Few::from_slice(&state.point.sides);
             for i in innermost(&self.system, &changed) {
                 sides[i] = wanted[i];
             }
-            state.point.set_sides(sides);
+            state.point.set_sides(&sides);
             self.mode.move_to(&state.point);
         }
         self.bands().measure(state, &all, horizon);
@@ -113,20 +117,20 @@ impl Selector<'_> {
         if let Some(&switch) = all.iter().find(below) {
             return Err(Status::Penetrates { switch });
         }
-        let near: Vec<bool> = (all.iter())
+        let near: Few<bool> = (all.iter())
             .map(|&i| {
                 let share = if self.system.is_struck(i) { TOUCH } else { 1.0 };
                 kept.contains(&i) || self.mode.psi(i).abs() <= state.bands.within(i, share)
             })
             .collect();
-        let near: Vec<bool> = (all.iter())
+        let near: Few<bool> = (all.iter())
             .map(|&i| near[i] && self.system.across(i).is_none_or(|other| near[other]))
             .collect();
         let is_kept =
             |i: usize| self.system.role(i) != Role::Step && state.point.sides[i] == Side::Slide;
         let on =
             |&i: &usize| near[i] && !is_kept(i) && self.system.slip_of(i).is_none_or(|of| near[of]);
-        let on: Vec<usize> = all.into_iter().filter(on).collect();
+        let on: Few<usize> = all.into_iter().filter(on).collect();
         state.bands.armed.fill(false);
         for &i in on
             .iter()
@@ -143,7 +147,7 @@ impl Selector<'_> {
     /// Narrows the bands of all contacts where a run starts with a gap in doubt: within its band, and more than rounding
     /// of ψ. The bands then are at most a small share of how far gaps move in the run, or the rounding of ψ.
     fn tell_gaps(&mut self, state: &mut State, horizon: f64) {
-        let contacts: Vec<usize> = (0..state.point.sides.len())
+        let contacts: Few<usize> = (0..state.point.sides.len())
             .filter(|&i| self.system.is_unilateral(i))
             .collect();
         let is_in_doubt = |&i: &usize| {
@@ -162,7 +166,7 @@ impl Selector<'_> {
         &mut self,
         state: &mut State,
         horizon: f64,
-    ) -> Result<Vec<usize>, Status> {
+    ) -> Result<Few<usize>, Status> {
         let kept = std::mem::take(&mut state.jumps.kept);
         let on = self.place(state, horizon, &kept);
         state.jumps.kept = kept;
@@ -194,18 +198,18 @@ impl Selector<'_> {
 
     /// Chooses the sides of all switches that meet here and interact with `triggers`.
     fn select(&mut self, state: &mut State, triggers: &[usize], t1: f64) -> Result<(), Status> {
-        let mut triggers = triggers.to_vec();
+        let mut triggers: Few<usize> = triggers.into();
         self.reactivate_slips(state, &mut triggers, t1);
         // What made no difference may make one behind this event.
         triggers.extend(
             (0..state.bands.open.len()).filter(|&i| state.bands.open[i] && state.bands.armed[i]),
         );
         let others = triggers.iter().filter_map(|&i| self.system.across(i));
-        let others: Vec<usize> = others.collect();
+        let others: Few<usize> = others.collect();
         triggers.extend(others);
         triggers.sort_unstable();
         triggers.dedup();
-        triggers.retain(|&i| !self.has_no_rate(&state.point, i));
+        triggers.retain(|i| !self.has_no_rate(&state.point, *i));
         let triggers = &triggers[..];
         if triggers.len() > 1 {
             state.selection.leaving = None;
@@ -213,11 +217,11 @@ impl Selector<'_> {
         let meets = |i: &usize| state.point.sides[*i] == Side::Slide || state.bands.armed[*i];
         let is_met =
             |i: &usize| triggers.contains(i) || meets(i) && !self.system.switches[*i].leads();
-        let meeting: Vec<usize> = (0..state.point.sides.len())
+        let meeting: Few<usize> = (0..state.point.sides.len())
             .filter(|i| is_met(i) && self.system.slip_of(*i).is_none_or(|of| is_met(&of)))
             .collect();
         self.bands().measure(state, &meeting, t1 - state.point.t);
-        let mut groups: Vec<Vec<usize>> = Vec::new();
+        let mut groups: SmallVec<[Few<usize>; 2]> = SmallVec::new();
         for &trigger in triggers {
             if !groups.iter().any(|group| group.contains(&trigger)) {
                 groups.push(self.coupling.interacting(trigger, &meeting));
@@ -226,25 +230,24 @@ impl Selector<'_> {
         // What only looks at others is decided behind them.
         for &i in meeting.iter().filter(|i| self.coupling.only_watches(**i)) {
             let watches = |j: &usize| self.system.switches[i].couplings.contains(j);
-            let known = |group: &Vec<usize>| group.contains(&i);
+            let known = |group: &Few<usize>| group.contains(&i);
             if groups.iter().flatten().any(watches) && !groups.iter().any(known) {
-                groups.push(vec![i]);
+                groups.push(Few::from_slice(&[i]));
             }
         }
-        let mut decided = groups.concat();
+        let mut decided: Few<usize> = groups.iter().flatten().copied().collect();
         decided.sort_unstable();
-        let is_behind = |group: &Vec<usize>| group.iter().all(|&i| self.coupling.only_watches(i));
-        let (behind, first): (Vec<_>, Vec<_>) = groups.into_iter().partition(is_behind);
-        for groups in [first, behind] {
+        for behind in [false, true] {
             let mut tied = Vec::new();
-            for group in groups {
-                let wanted = self.wanted(&group, &decided);
-                if !self.choose(state, &group, &wanted, t1, false)? {
+            for group in &groups {
+                let is_behind = group.iter().all(|&i| self.coupling.only_watches(i));
+                let wanted = self.wanted(group, &decided);
+                if is_behind == behind && !self.choose(state, group, &wanted, t1, false)? {
                     tied.push((group, wanted));
                 }
             }
             for (group, wanted) in tied {
-                self.choose(state, &group, &wanted, t1, true)?;
+                self.choose(state, group, &wanted, t1, true)?;
             }
         }
         for &i in &meeting {
@@ -281,7 +284,7 @@ impl Selector<'_> {
 
     /// The sides asked for at a non-unique point: one for all, or one for each of the switches
     /// `decided` there, in order.
-    pub(crate) fn wanted(&self, group: &[usize], decided: &[usize]) -> Vec<Option<Side>> {
+    pub(crate) fn wanted(&self, group: &[usize], decided: &[usize]) -> Few<Option<Side>> {
         let Settings { branch, below, .. } = &self.settings;
         let of_switch = |i: &usize| match branch[..] {
             [] => below.contains(i).then_some(Side::Minus),
@@ -305,7 +308,7 @@ impl Selector<'_> {
             return self.choose_around_rest(state, group, wanted, t1, series);
         }
         let settling = Rest::new(self.mode, self.settings).settling(state, group);
-        let mut sides = state.point.sides.clone();
+        let mut sides: Few<Side> = Few::from_slice(&state.point.sides);
         for &i in group {
             sides[i] = Side::Slide;
             state.bands.open[i] = false;
@@ -528,7 +531,7 @@ impl Selector<'_> {
     pub(crate) fn reactivate_slips(
         &mut self,
         state: &mut State,
-        triggers: &mut Vec<usize>,
+        triggers: &mut Few<usize>,
         t1: f64,
     ) {
         for i in 0..state.point.sides.len() {
@@ -562,15 +565,15 @@ impl Selector<'_> {
             return Ok(false);
         }
         let pairs = group.iter().copied().zip(wanted.iter().copied());
-        let (roots, others): (Vec<_>, Vec<_>) =
+        let (roots, others): (Few<_>, Few<_>) =
             pairs.partition(|(i, _)| self.mode.system.switches[*i].rests());
-        let mut sides = state.point.sides.clone();
+        let mut sides: Few<Side> = Few::from_slice(&state.point.sides);
         let at_rest = roots.iter().map(|(i, _)| *i);
-        let leaving: Vec<usize> = at_rest.filter(|&i| sides[i] == Side::Slide).collect();
+        let leaving: Few<usize> = at_rest.filter(|&i| sides[i] == Side::Slide).collect();
         roots.iter().for_each(|(i, _)| sides[*i] = Side::Slide);
-        state.point.set_sides(sides);
+        state.point.set_sides(&sides);
         if !others.is_empty() {
-            let (others, wanted): (Vec<usize>, Vec<Option<Side>>) = others.into_iter().unzip();
+            let (others, wanted): (Few<usize>, Few<Option<Side>>) = others.into_iter().unzip();
             self.choose(state, &others, &wanted, t1, true)?;
         }
         for _ in 0..=roots.len() {
@@ -594,7 +597,7 @@ impl Selector<'_> {
 
     /// Looks again at the slip velocities of contacts that are met, which nobody has watched while they were
     /// open.
-    pub(crate) fn wake(&mut self, state: &mut State, on: &mut Vec<usize>, t1: f64) {
+    pub(crate) fn wake(&mut self, state: &mut State, on: &mut Few<usize>, t1: f64) {
         for slip in 0..state.point.sides.len() {
             let Some(contact) = self.system.slip_of(slip) else {
                 continue;
@@ -603,9 +606,9 @@ impl Selector<'_> {
                 continue;
             }
             let other = self.system.across(slip);
-            let entries: Vec<usize> = std::iter::once(slip).chain(other).collect();
+            let entries: Few<usize> = std::iter::once(slip).chain(other).collect();
             self.bands().measure(state, &entries, t1 - state.point.t);
-            let speeds: Vec<f64> = entries.iter().map(|&i| self.mode.psi(i)).collect();
+            let speeds: Few<f64> = entries.iter().map(|&i| self.mode.psi(i)).collect();
             state.point.change_sides(
                 &[slip],
                 &[match other {

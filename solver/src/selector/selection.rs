@@ -1,7 +1,7 @@
 //! What a selection of the next mode knows of the ones before, and leaves to the step behind it.
 
 use crate::expansion::scales::refill;
-use crate::hybrid::Side;
+use crate::hybrid::{Few, Side};
 
 /// From which α a nonlinear switch goes on where it is on its surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -76,10 +76,10 @@ pub(crate) struct Onset {
 /// A choice on one group of interacting surfaces.
 #[derive(Clone)]
 pub(crate) struct Choice {
-    pub sides: Vec<Side>,
-    pub alpha: Vec<f64>,
+    pub sides: Few<Side>,
+    pub alpha: Few<f64>,
     /// f of the states that ψ of the group depend on.
-    pub f: Vec<f64>,
+    pub f: Few<f64>,
 }
 
 /// The largest |f| of some choices, by the place of a state among those that ψ of the group depend on.
