@@ -16,8 +16,6 @@
 //! After a jump all ψ are evaluated again, as at the start of a run, and the three steps are repeated
 //! until nothing jumps.
 
-use std::sync::Arc;
-
 use crate::event::state::{Jumps, State};
 use crate::events::bands::BandWidths;
 use crate::expansion::mode::Mode;
@@ -28,17 +26,14 @@ use crate::selector::select::TOUCH;
 
 /// The laws by which states jump.
 pub(crate) struct JumpLaws<'a> {
+    system: &'a HybridSystem,
     mode: &'a mut Mode,
-    system: Arc<HybridSystem>,
 }
 
 impl<'a> JumpLaws<'a> {
-    /// Those of the system of a mode.
-    pub(crate) fn new(mode: &'a mut Mode) -> Self {
-        JumpLaws {
-            system: mode.system.clone(),
-            mode,
-        }
+    /// Those of a system, in one of its modes.
+    pub(crate) fn new(system: &'a HybridSystem, mode: &'a mut Mode) -> Self {
+        JumpLaws { system, mode }
     }
 
     /// Finds the contacts without a gap, those that are met among them: no impact changes that.

@@ -282,7 +282,7 @@ impl Simulator {
             take_data(&mut self.mode, &state.point, decide)?;
         }
         if meets.is_due {
-            JumpLaws::new(&mut self.mode).let_due(state);
+            JumpLaws::new(&self.system, &mut self.mode).let_due(state);
             meet_steps(&mut self.mode, state, &mut step.triggers);
         }
         let is_known = meets.breakpoint || meets.kick.is_some() || meets.is_due;

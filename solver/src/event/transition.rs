@@ -15,7 +15,7 @@ impl Simulator {
     /// What selects the next mode.
     pub(crate) fn selector(&mut self) -> Selector<'_> {
         Selector {
-            system: self.system.clone(),
+            system: &self.system,
             mode: &mut self.mode,
             settings: &self.settings,
             coupling: &self.coupling,
@@ -35,7 +35,7 @@ impl Simulator {
     /// Finds the mode at the start, taking every surface that holds the state as meeting there.
     pub(crate) fn start(&mut self, state: &mut State, horizon: f64) -> Result<(), Status> {
         self.load(state);
-        JumpLaws::new(&mut self.mode).let_due(state);
+        JumpLaws::new(&self.system, &mut self.mode).let_due(state);
         let on = self.selector().place(state, horizon, &[])?;
         let t1 = state.point.t + horizon;
         self.pass(state, Met::Surfaces(on), t1)
@@ -55,13 +55,13 @@ impl Simulator {
         let mut last: Few<usize> = Few::new();
         let (Met::Surfaces(on) | Met::Breakpoint(on)) = &mut met;
         self.selector().wake(state, on, t1);
-        JumpLaws::new(&mut self.mode).find_near(state, on, t1);
+        JumpLaws::new(&self.system, &mut self.mode).find_near(state, on, t1);
         // At the start no side is one before.
         let is_step = |i: &usize| state.selection.begun && self.system.switches[*i].is_plain();
         let mut steps: Few<usize> = on.iter().copied().filter(is_step).collect();
         let mut due = std::mem::take(&mut state.jumps.known.due);
         for _ in 0..MAX_ROUNDS {
-            let mut fired = JumpLaws::new(&mut self.mode).struck(state);
+            let mut fired = JumpLaws::new(&self.system, &mut self.mode).struck(state);
             // What is reached counts as such before anything that it sets off takes the state away.
             let mut reached: Few<usize> = (fired.iter())
                 .filter_map(|&law| self.system.laws[law].closes())
@@ -69,14 +69,14 @@ impl Simulator {
             reached.extend_from_slice(&steps);
             if !reached.is_empty() {
                 Surfaces::of(self).find(state, t1);
-                if JumpLaws::new(&mut self.mode).stops(state, &reached) {
+                if JumpLaws::new(&self.system, &mut self.mode).stops(state, &reached) {
                     return Ok(());
                 }
             }
             if fired.is_empty() {
                 // What stops at a contact may no longer stick there.
                 if !state.jumps.fired.is_empty()
-                    && JumpLaws::new(&mut self.mode).close(state)
+                    && JumpLaws::new(&self.system, &mut self.mode).close(state)
                     && let Met::Surfaces(on) = &mut met
                 {
                     *on = self.selector().place_kept(state, t1 - state.point.t)?;
@@ -88,10 +88,10 @@ impl Simulator {
                 }
                 steps.clear();
                 Surfaces::of(self).find(state, t1);
-                if JumpLaws::new(&mut self.mode).stops(state, &[]) {
+                if JumpLaws::new(&self.system, &mut self.mode).stops(state, &[]) {
                     return Ok(());
                 }
-                fired = JumpLaws::new(&mut self.mode).holding(state);
+                fired = JumpLaws::new(&self.system, &mut self.mode).holding(state);
                 fired.extend(due.drain(..));
             }
             if fired.is_empty() {
@@ -105,7 +105,7 @@ impl Simulator {
             if let Some(&law) = fired.iter().find(again) {
                 return Err(Status::StaysInGuard { law });
             }
-            JumpLaws::new(&mut self.mode).apply(state, &fired)?;
+            JumpLaws::new(&self.system, &mut self.mode).apply(state, &fired)?;
             Impacts {
                 system: self.system.clone(),
                 mode: &mut self.mode,
@@ -120,7 +120,7 @@ impl Simulator {
             }
             let on = self.selector().place_kept(state, t1 - state.point.t)?;
             if moves {
-                JumpLaws::new(&mut self.mode).find_near(state, &on, t1);
+                JumpLaws::new(&self.system, &mut self.mode).find_near(state, &on, t1);
             }
             met = Met::Surfaces(on);
             last = fired;

@@ -206,7 +206,7 @@ impl Selector<'_> {
         let last: Vec<f64> = switches.iter().map(|&i| self.mode.psi(i)).collect();
         // The end of a run may be a rounding before it.
         let instant = state.point.t.max(self.pieces.until);
-        self.pieces.until = self.mode.memory.load(&self.system, instant);
+        self.pieces.until = self.mode.memory.load(self.system, instant);
         self.bands().measure(state, &switches, t1 - state.point.t);
         let mut open: Few<usize> = triggers.into();
         if !switches.is_empty() {

@@ -6,7 +6,6 @@
 //! are the same rule.
 
 use std::cmp::Ordering::{Greater, Less};
-use std::sync::Arc;
 
 use crate::contact::friction_disc::{Disc, NearRest};
 use crate::contact::prediction;
@@ -21,7 +20,7 @@ use crate::expansion::series;
 use crate::expansion::step_size::StepSize;
 use crate::expansion::taylor::Expansion;
 use crate::hybrid::point::Point;
-use crate::hybrid::{Few, HybridSystem, Note, Role, Settings, Side};
+use crate::hybrid::{Few, Note, Role, Settings, Side};
 use crate::integrate::singular::StraightSteps;
 use crate::integrate::singular_rates::Roots;
 use crate::linalg::DenseLu;
@@ -79,7 +78,6 @@ impl Verdict {
 /// Judges choices of sides by their rates and by their series.
 pub(crate) struct Judge<'a> {
     mode: &'a mut Mode,
-    system: Arc<HybridSystem>,
     settings: &'a Settings,
     /// Whether choices begin where their closed contacts have stopped, as the mode that is taken does. Of contacts that depend on
     /// each other those that are left open have no speed then.
@@ -90,7 +88,6 @@ impl<'a> Judge<'a> {
     /// In a mode, as the settings of a run say.
     pub(crate) fn new(mode: &'a mut Mode, settings: &'a Settings) -> Self {
         Judge {
-            system: mode.system.clone(),
             mode,
             settings,
             has_stopped: false,
@@ -380,7 +377,7 @@ impl<'a> Judge<'a> {
         let root = group
             .iter()
             .copied()
-            .find(|&i| self.system.switches[i].has_root);
+            .find(|&i| self.mode.system.switches[i].has_root);
         let departs = self.expand_choice(state, (&sides, &mut alpha), &onsets, root, t1)?;
         let sets_off = |i: usize| departs && onsets.iter().any(|d| d.switches.contains(&i));
         let mode = &mut self.mode;
@@ -447,16 +444,16 @@ impl Judge<'_> {
     /// at this instant, along which φ stays zero: dφ(1)/dt = -∂φ/∂α dα/dt = (φ(0) - φ(1)) dα/dt > 0, and so it leaves. The same
     /// is true of α = 0.
     pub(crate) fn clear(&mut self, state: &State, switch: usize) -> Option<Choice> {
-        if self.system.is_struck(switch) {
+        if self.mode.system.is_struck(switch) {
             return self.opens(state, switch);
         }
-        let of_switch = &self.system.switches[switch];
-        let is_relay = self.system.relay(switch).is_some();
+        let mode = &mut *self.mode;
+        let of_switch = &mode.system.switches[switch];
+        let is_relay = mode.system.relay(switch).is_some();
         let is_sign = of_switch.is_plain() && !of_switch.is_in_disc() && !is_relay;
-        if !is_sign || self.system.is_idle(switch, &state.point.sides) {
+        if !is_sign || mode.system.is_idle(switch, &state.point.sides) {
             return None;
         }
-        let mode = &mut *self.mode;
         mode.surfaces.linearize(switch, &mode.memory.values);
         let mut alpha: Few<f64> = Few::from_slice(&state.point.alpha);
         let [(below, minus), (above, plus)] = [0.0, 1.0].map(|value| {
@@ -470,7 +467,7 @@ impl Judge<'_> {
             (Some(side), _) => side,
             (None, [Some(Greater), Some(Greater)]) => Side::Plus,
             (None, [Some(Less), Some(Less)]) => Side::Minus,
-            (None, [Some(Greater), Some(Less)]) if !self.system.is_continuous(switch) => {
+            (None, [Some(Greater), Some(Less)]) if !mode.system.is_continuous(switch) => {
                 Side::Slide
             }
             _ => return None,

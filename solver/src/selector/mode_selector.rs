@@ -73,7 +73,7 @@ impl Selector<'_> {
     /// Goes on from the sides and α of a state that was set.
     fn go_on(&mut self, state: &mut State, query: Query) -> Result<(), Status> {
         state.selection.begun = true;
-        self.pieces.until = self.mode.memory.load(&self.system, query.t);
+        self.pieces.until = self.mode.memory.load(self.system, query.t);
         self.mode.enter(&state.point.sides);
         state.selection.fold = match query.fold {
             None => None,

@@ -5,8 +5,6 @@
 //! one group after the other, those whose rates decide before those that need
 //! higher derivatives, which depend on the others' sides.
 
-use std::sync::Arc;
-
 use smallvec::SmallVec;
 
 use super::candidates::Enumeration;
@@ -52,7 +50,7 @@ struct Checked {
 
 /// Selects the mode that goes on from an event.
 pub(crate) struct Selector<'a> {
-    pub system: Arc<HybridSystem>,
+    pub system: &'a HybridSystem,
     pub mode: &'a mut Mode,
     pub settings: &'a Settings,
     pub coupling: &'a Coupling,
@@ -100,7 +98,7 @@ impl Selector<'_> {
                 });
             }
             let mut sides: Few<Side> = Few::from_slice(&state.point.sides);
-            for i in innermost(&self.system, &changed) {
+            for i in innermost(self.system, &changed) {
                 sides[i] = wanted[i];
             }
             state.point.set_sides(&sides);
