@@ -232,3 +232,62 @@ fn constraints_are_kept_in_small_units() {
         }
     }
 }
+
+/// x' = u - a x - μ sign(x), the same at the end as at the start: at rest at p > 0 with u = a p + μ, where (p - r)² + R u² is
+/// least, or at 0 with no control at all. These units of x and of time lose the first one to the second without a search on
+/// the equation.
+#[test]
+fn periodic_motions_are_looked_for_on_their_equation() {
+    let cases = [
+        (1.15, 0.87, 1.0, 0.2, 4, [1e-4, 1e4], 0.5),
+        (1.07, 1.58, 0.5, 0.39, 1, [1e4, 1e-2], 0.0),
+        (0.74, 0.62, 0.1, 0.22, 4, [1e-4, 1e-2], 1.0),
+        (0.82, 1.32, 0.5, 0.22, 4, [1e-4, 1e4], 1.0),
+        (0.82, 1.32, 0.5, 0.22, 2, [1.0, 1.0], 0.0),
+        // So much friction that rest is best.
+        (0.5, 0.6, 0.5, 1.3, 2, [1e2, 1e-3], 1.0),
+    ];
+    for (a, r, weight, mu, n, [x, time], guess) in cases {
+        let p = ((r - weight * a * mu) / (1.0 + weight * a * a)).max(0.0);
+        let moving = (p - r).powi(2) + weight * (a * p + mu).powi(2);
+        let least = moving.min(r * r);
+        let u = x / time;
+        let text = format!(
+            "model m {{ param p in [{:?}, {:?}] = {:?}; state x = p; control u in [{:?}, {:?}] = 0;
+               x' = u - {:?}*x - {:?}*sign(x); }}
+             optimize o of m {{ horizon {time:?}; intervals {n}; elements 3; free {{ p; }}
+               minimize {:?}*integral({:?}*(x - {:?})^2 + {:?}*u^2); final {{ x = p; }} }}",
+            -5.0 * x,
+            5.0 * x,
+            guess * x,
+            -9.0 * u,
+            9.0 * u,
+            a / time,
+            mu * u,
+            1.0 / time,
+            1.0 / (x * x),
+            r * x,
+            weight / (u * u),
+        );
+        let found = objective(&text);
+        assert!(
+            (found / least - 1.0).abs() < 1e-4,
+            "{found}, not {least}: {text}"
+        );
+    }
+}
+
+/// From rest a push of μ_static slides at once. With less there is a motion as well, which sticking does not end in: that a
+/// program has it, with a smaller objective and without a simulation, is no reason to take it.
+#[test]
+fn what_no_simulation_follows_is_not_taken() {
+    let text = "use std.friction.{stiction};
+        model m { state x = 0; state v = 0; control u in [-2, 2] = 0;
+          part floor = stiction { slip = v; mu = 0.2; mu_static = 0.5; }
+          x' = v; v' = u + floor.force; }
+        optimize o of m { horizon 4; intervals 2; elements 6; controls linear; final { x = 1; }
+          guess { u = 0.5*time; } minimize integral(u^2); }";
+    let found = solved_optimum(text, "o");
+    let codes: Vec<&str> = found.warnings.iter().map(|w| w.code.as_str()).collect();
+    assert!(!codes.contains(&"W0709"), "{codes:?}");
+}

@@ -9,7 +9,8 @@ use std::time::Duration;
 use nalgebra::{DMatrix, DVector};
 use nsd_solver::optimization::mpcc::linear::{LinearProgram, Outcome, solve};
 
-use super::descent::{Candidate, Found, SMALL, Search, beyond};
+use super::descent::{Candidate, Found, SMALL, Search};
+use super::onto::least_change;
 use super::pieces::pieces;
 use super::reduced::{Quantity, Values};
 
@@ -27,8 +28,6 @@ const LEAST_PENALTY: f64 = 1e-4;
 /// The parts of a change back to them that are taken, by how much of it the one before has reached (secant method).
 const LEAST_PART: f64 = 0.25;
 const MOST_PART: f64 = 4.0;
-/// What keeps products of slopes regular, beside the largest of them.
-const SINGULAR: f64 = 1e-12;
 /// The most time for a linear program.
 const MOST_TIME: Duration = Duration::from_secs(1);
 
@@ -315,7 +314,7 @@ impl<'a, 's, 'r, 'e> Around<'a, 's, 'r, 'e> {
         }
         let (mut w, mut values) = self.evaluate(w)?;
         let mut best = self.search.candidate(w.clone(), &values);
-        let (mut missed, mut part) = (self.missed(&values), 1.0);
+        let (mut missed, mut part) = (self.search.missed(&values), 1.0);
         let objective = self.objective();
         for _ in 0..MOST_RETURNS {
             // What violations cost, beside what is gained.
@@ -333,7 +332,7 @@ impl<'a, 's, 'r, 'e> Around<'a, 's, 'r, 'e> {
                 break;
             }
             best = next;
-            let left = self.missed(&values);
+            let left = self.search.missed(&values);
             let ratio = left.dot(&missed) / missed.norm_squared();
             part = (part / (1.0 - ratio)).clamp(LEAST_PART, MOST_PART);
             missed = left;
@@ -349,17 +348,6 @@ impl<'a, 's, 'r, 'e> Around<'a, 's, 'r, 'e> {
         }
         let values = self.search.reduced.at(&w)?;
         Some((w, values))
-    }
-
-    /// By how much more each row is violated than at the point itself, with its sign.
-    fn missed(&self, values: &Values) -> DVector<f64> {
-        let base = self.search.base.map(|base| &base.rows);
-        let rows = self.search.reduced.bounds().enumerate().map(|(i, bounds)| {
-            let by = beyond(values.rows[i], bounds);
-            let known = base.map_or(0.0, |base| beyond(base[i], bounds));
-            if by.abs() > known.abs() { by } else { 0.0 }
-        });
-        DVector::from_iterator(values.rows.len(), rows)
     }
 
     /// The least change, by the sizes of quantities, that takes away to first order what rows are `missed` by.
@@ -390,14 +378,10 @@ impl<'a, 's, 'r, 'e> Around<'a, 's, 'r, 'e> {
             let (quantity, column) = moves[j];
             quantity.size * column.rows[rows[i]] / column.step
         });
-        let rhs = DVector::from_fn(rows.len(), |i, _| -missed[rows[i]]);
-        let mut square = &slopes * slopes.transpose();
-        let least = SINGULAR * square.amax();
-        (0..rows.len()).for_each(|i| square[(i, i)] += least);
-        let Some(factors) = square.cholesky() else {
+        let missed = missed.select_rows(&rows);
+        let Some(change) = least_change(&slopes, &missed) else {
             return;
         };
-        let change = slopes.tr_mul(&factors.solve(&rhs));
         for ((quantity, _), by) in moves.iter().zip(&change) {
             w[quantity.index] += quantity.size * by;
         }

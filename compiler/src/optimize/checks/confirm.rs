@@ -142,7 +142,11 @@ pub(crate) fn confirm(
         let least_size = size_of_objective(problem, 0.0);
         let gain = NO_GAIN * solution.objective.abs().max(NO_GAIN * least_size);
         let least = solution.objective - gain;
-        let is_better = |found: &Solution| found.is_feasible() && found.objective < least;
+        let is_better = |problem: &Problem, found: &Solution| {
+            found.is_feasible()
+                && found.objective < least
+                && (runs(problem, &found.w, limit) || !runs(problem, &solution.w, limit))
+        };
         let round = rounds.next();
         let mut spent = 0;
         let found = round.and_then(|_| {
@@ -155,7 +159,7 @@ pub(crate) fn confirm(
                 let found = (spent <= better.patience)
                     .then(|| from(problem, &point.w, (options, trust), limit, watch))??;
                 spent += found.stats.iterations;
-                Some(found).filter(is_better)
+                Some(found).filter(|found| is_better(problem, found))
             })
         });
         if let Some(found) = found {
@@ -169,7 +173,8 @@ pub(crate) fn confirm(
                 return (Confirmation::Descent(rate), None);
             }
             let beyond = beyond(problem, solution, better, limit, |problem, point| {
-                from(problem, point, (options, Trust::First), limit, watch).filter(is_better)
+                let found = from(problem, point, (options, Trust::First), limit, watch);
+                found.filter(|found| is_better(problem, found))
             });
             match beyond {
                 Ok(found) => ways.push(take(solution, found, Way::Descent)),
@@ -227,6 +232,13 @@ fn beyond(
         }
     }
     Err(least)
+}
+
+/// Whether a simulation with the free quantities of a point reaches the end: one that does says what happens, and is not
+/// given up for a smaller objective of which none can be had.
+fn runs(problem: &Problem, w: &[f64], limit: &Limit) -> bool {
+    let reduced = Reduced::new(problem, w, limit);
+    reduced.is_some_and(|mut reduced| reduced.at(w).is_some())
 }
 
 /// A solution moved to a point, with the end of its simulation.

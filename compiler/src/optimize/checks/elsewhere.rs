@@ -1,16 +1,15 @@
 //! Other minima, far away, by simulations.
 //!
-//! Points all over the ranges of the free quantities are simulated. Where switches act and no equation constrains, the
-//! best of those inside the ranges are followed downhill by a pattern search (Kolda, Lewis, Torczon 2003): x⁺ = x ± s d
+//! Points all over the ranges of the free quantities are simulated, and where equations constrain, those that keep them
+//! (`onto.rs`). Where switches act, the best of those inside the ranges are followed downhill by a pattern search (Kolda, Lewis, Torczon 2003): x⁺ = x ± s d
 //! where J is smaller there, and half of s where no d of a basis leads to a smaller one. It asks for no slopes: where a
 //! switch meets the end of an interval J has a kink, and steps along gradients come to rest beside it. Where an impact meets
 //! the end of the horizon J jumps, and the axes lead across its edge and not along it: where they fail, the columns of
 //! H = I - 2 v vᵀ are polled, with another v each time (Abramson, Audet, Dennis, Le Digabel 2009, *OrthoMADS*, section 3).
 //! Ends of descents that are almost as good as the solution, and not near it, are worth a program of their own.
 
-use std::ops::Range;
-
 use super::descent::{Candidate, Found, Search};
+use super::onto::Reach;
 use super::reduced::{Kind, Quantity};
 
 /// Shares of ranges at which all controls are tried.
@@ -42,18 +41,15 @@ impl Search<'_, '_, '_> {
     pub fn elsewhere(&mut self) -> Found {
         let target = self.objective - self.threshold(1.0);
         let at_bounds = self.at_bounds();
-        let edge = self.candidates(at_bounds).into_iter().next();
+        let mut reach = Reach::new(self, at_bounds.len() + self.most_runs());
+        reach.learn(self, self.w);
+        let edge = self.reached(at_bounds, &mut reach).into_iter().next();
         let edge = edge.filter(|best| best.merit < target);
-        let points = match self.has_branches() {
-            true => self.compass(edge, target),
+        let points = match self.reduced.is_switched() {
+            true => self.compass(edge, target, &mut reach),
             false => edge.into_iter().collect(),
         };
         Found::better(points, self.objective)
-    }
-
-    /// Whether switches act, and no equation constrains.
-    fn has_branches(&self) -> bool {
-        self.reduced.is_switched() && !self.reduced.is_tied()
     }
 
     fn simulated(&mut self, w: Vec<f64>) -> Option<Candidate> {
@@ -66,6 +62,15 @@ impl Search<'_, '_, '_> {
         let solution = self.w;
         let points = points.into_iter().filter(|w| *w != solution);
         let mut points: Vec<Candidate> = points.filter_map(|w| self.simulated(w)).collect();
+        points.sort_by(|a, b| a.merit.total_cmp(&b.merit));
+        points
+    }
+
+    /// Points beside the solution that are reached from others, the best first.
+    fn reached(&mut self, points: Vec<Vec<f64>>, reach: &mut Reach) -> Vec<Candidate> {
+        let solution = self.w;
+        let points = points.into_iter().filter(|w| *w != solution);
+        let mut points: Vec<Candidate> = points.filter_map(|w| reach.far(self, &w)).collect();
         points.sort_by(|a, b| a.merit.total_cmp(&b.merit));
         points
     }
@@ -118,13 +123,17 @@ impl Search<'_, '_, '_> {
     }
 
     /// The best ends of descents from a point and from those inside the ranges: below `target` or promising.
-    fn compass(&mut self, edge: Option<Candidate>, mut target: f64) -> Vec<Candidate> {
+    fn compass(
+        &mut self,
+        edge: Option<Candidate>,
+        mut target: f64,
+        reach: &mut Reach,
+    ) -> Vec<Candidate> {
         let inside = self.inside();
-        let inside = self.candidates(inside).into_iter();
-        let mut runs = 0..self.most_runs();
+        let inside = self.reached(inside, reach).into_iter();
         let mut ends = Vec::new();
         for point in edge.into_iter().chain(inside.take(FOLLOWED)) {
-            let end = self.downhill(point, target, &mut runs);
+            let end = self.downhill(point, target, reach);
             if end.merit < target || self.is_promising(&end) {
                 target = target.min(end.merit);
                 ends.push(end);
@@ -141,11 +150,13 @@ impl Search<'_, '_, '_> {
         points
     }
 
+    /// How many simulations points inside the ranges and descents from them take at most.
     fn most_runs(&self) -> usize {
         let steps = self.base.map_or(1, |base| base.steps);
+        let inside = SPREAD as usize;
         match self.reduced.is_constrained() {
-            true => (self.reduced.most_runs(steps) / FEWER).min(MOST_RUNS),
-            false => MOST_RUNS,
+            true => (self.reduced.most_runs(steps) / FEWER).min(MOST_RUNS) + inside,
+            false => MOST_RUNS + inside,
         }
     }
 
@@ -164,20 +175,16 @@ impl Search<'_, '_, '_> {
     }
 
     /// The end of a descent, which is left where it does not come towards `target`.
-    fn downhill(
-        &mut self,
-        mut point: Candidate,
-        target: f64,
-        runs: &mut Range<usize>,
-    ) -> Candidate {
+    fn downhill(&mut self, mut point: Candidate, target: f64, reach: &mut Reach) -> Candidate {
+        reach.learn(self, &point.w);
         let axes = axes(self.bounded().count());
         let mut step = FIRST;
         while step >= LAST {
             let before = point.merit;
             for sweep in 1..=MOST_SWEEPS {
-                let is_better = self.poll(&mut point, &axes, step, runs)
+                let is_better = self.poll(&mut point, &axes, step, reach)
                     || axes.len() > 1
-                        && self.poll(&mut point, &reflected(sweep, &axes), step, runs);
+                        && self.poll(&mut point, &reflected(sweep, &axes), step, reach);
                 if !is_better {
                     break;
                 }
@@ -196,7 +203,7 @@ impl Search<'_, '_, '_> {
         point: &mut Candidate,
         basis: &[Vec<f64>],
         step: f64,
-        runs: &mut Range<usize>,
+        reach: &mut Reach,
     ) -> bool {
         let before = point.merit;
         for direction in basis {
@@ -205,8 +212,8 @@ impl Search<'_, '_, '_> {
                 if w == point.w {
                     return None;
                 }
-                runs.next()?;
-                self.simulated(w).filter(|next| next.merit < point.merit)
+                let next = reach.point(self, w);
+                next.filter(|next| next.merit < point.merit)
             });
             if let Some(better) = better {
                 *point = better;

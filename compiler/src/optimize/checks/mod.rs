@@ -6,6 +6,7 @@ pub(crate) mod confirm;
 pub(crate) mod descent;
 pub(crate) mod elsewhere;
 pub(crate) mod idle;
+mod onto;
 mod pieces;
 pub(crate) mod reduced;
 pub(crate) mod runs;
