@@ -217,3 +217,24 @@ fn bounds_that_are_not_reached_are_no_sizes() {
         assert_eq!(found.status, Status::LocallyInfeasible, "{bound}");
     }
 }
+
+/// Where the least cost is zero its slopes are zero, too, and nothing but its curvature tells how large it is. ((x/L)² - c)² has
+/// its minimum where the last digit of x decides.
+#[test]
+fn the_size_of_a_cost_that_vanishes_is_that_of_its_curvature() {
+    for size in [1.0, 1e2, 1e3, 1e4] {
+        for weight in [1e-3, 1.0, 10.0, 1e3] {
+            let text = format!(
+                "model m {{ state x = 0; control u in [{:?}, {:?}] = 0; x' = u; }}
+                 optimize o of m {{ horizon 1; intervals 1; elements 1;
+                   minimize {weight:?}*final(((x/{size:?})^2 - 0.1521)^2); }}",
+                -2.0 * size,
+                2.0 * size
+            );
+            let found = optimum(&text, "o");
+            assert_eq!(found.status, Status::Solved, "{text}\n{:?}", found.failure);
+            let objective = found.objective.expect("it was minimized");
+            assert!(objective <= 1e-24 * weight, "{text}: {objective}");
+        }
+    }
+}

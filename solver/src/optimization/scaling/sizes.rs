@@ -147,7 +147,7 @@ impl Sizes {
     }
 
     /// Those that a point has reached, where it was to be far larger than it is: at least 1. Of the objective, what its slopes
-    /// make of the values of the variables.
+    /// and its curvature make of the values of the variables: at its own minimum slopes are rounding.
     pub fn at(&self, problem: &mut dyn Mpcc, w: &[f64]) -> Option<Sizes> {
         let variables = self.variables_at(problem, w);
         let rows = self.rows_at(problem, w, &variables);
@@ -198,9 +198,7 @@ impl Sizes {
     }
 
     fn objective_at(&self, problem: &mut dyn Mpcc, w: &[f64], variables: &[f64]) -> f64 {
-        let mut gradient = vec![0.0; w.len()];
-        problem.gradient(w, &mut gradient);
-        let terms = gradient.iter().zip(w).map(|(slope, w)| (slope * w).abs());
+        let terms = terms_of_objective(problem, w).into_iter();
         let (sum, largest) = terms.fold((0.0, 0.0_f64), |(sum, m), term| (sum + term, m.max(term)));
         let Some(log) = log(largest) else {
             return self.objective;
@@ -240,6 +238,25 @@ impl Sizes {
         let sizes = ones.unwrap_or_else(|| balance.sizes(objective));
         balance.with_small_rows(sizes, start)
     }
+}
+
+/// |∂f/∂w_i w_i| and |∂²f/∂w_i∂w_j w_i w_j|, without terms that only steer.
+fn terms_of_objective(problem: &mut dyn Mpcc, w: &[f64]) -> Vec<f64> {
+    let members = vec![Member::A; problem.pairs().len()];
+    problem.settle(Some(&members));
+    let mut gradient = vec![0.0; w.len()];
+    problem.gradient(w, &mut gradient);
+    let mut curvature = vec![0.0; problem.hessian_pattern().n_entries()];
+    problem.hessian(w, 1.0, &vec![0.0; problem.n_rows()], &mut curvature);
+    problem.settle(None);
+    let slopes = gradient.iter().zip(w).map(|(slope, w)| (slope * w).abs());
+    let pattern = problem.hessian_pattern();
+    let curved = (0..w.len()).flat_map(|i| {
+        let entries = &curvature[pattern.starts[i]..pattern.starts[i + 1]];
+        let columns = pattern.row(i).iter().zip(entries);
+        columns.map(move |(&j, entry)| (entry * w[i] * w[j as usize]).abs())
+    });
+    slopes.chain(curved).collect()
 }
 
 /// The logarithm of a size, if it is one.
