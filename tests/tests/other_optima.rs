@@ -291,3 +291,23 @@ fn what_no_simulation_follows_is_not_taken() {
     let codes: Vec<&str> = found.warnings.iter().map(|w| w.code.as_str()).collect();
     assert!(!codes.contains(&"W0709"), "{codes:?}");
 }
+
+/// What controls of few intervals do, those of more do as well, which they are made of. In the first one a gain is far away
+/// from where doing nothing is best, in the second one a belt is dear to be in.
+#[test]
+fn more_intervals_are_no_worse() {
+    let gain = "model m { state x = 0; control u in [-1, 1] = 0; x' = u - 0.3*x; }
+        optimize o of m { horizon 4; intervals N; elements 3; scheme radau_iia(4);
+          minimize integral(if x > 1.12 then -0.2 else 0) + final(5*(x + 0.72)^2); }";
+    let belt = "model m { state x = 0; control u in [-5, 5] = 0;
+          x' = (if x > 0.47 and x < 0.97 then 0.2*u else u); }
+        optimize o of m { horizon 4; intervals N; elements 3; scheme radau_iia(4);
+          minimize integral(0.1*u^2 + (if x > 0.47 and x < 0.97 then 0.93 else 0)) + final(5*(x - 1.45)^2);
+          final { x <= 1.95; } }";
+    for (text, few, most) in [(gain, 2, -0.1735), (belt, 4, 1.5887)] {
+        let on = |n: usize| objective(&text.replace('N', &n.to_string()));
+        let (few, many) = (on(few), on(8));
+        assert!(few < most, "{few}: {text}");
+        assert!(many < few + 1e-6, "{many} with more than {few}: {text}");
+    }
+}

@@ -14,8 +14,9 @@ use super::reduced::{Kind, Quantity};
 
 /// Shares of ranges at which all controls are tried.
 const LEVELS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
-/// How many points are taken inside the ranges, and how many of them are followed.
+/// How many points are taken inside the ranges with controls in so many pieces, and how many of them are followed.
 const SPREAD: u32 = 32;
+const PIECES: [usize; 2] = [2, 4];
 const FOLLOWED: usize = 16;
 /// The first and the last s, in sizes of the quantities, and how often the directions of a basis are followed by one s.
 const FIRST: f64 = 0.25;
@@ -45,10 +46,17 @@ impl Search<'_, '_, '_> {
         reach.learn(self, self.w);
         let edge = self.reached(at_bounds, &mut reach).into_iter().next();
         let edge = edge.filter(|best| best.merit < target);
-        let points = match self.reduced.is_switched() {
-            true => self.compass(edge, target, &mut reach),
-            false => edge.into_iter().collect(),
-        };
+        let mut points: Vec<Candidate> = edge.into_iter().collect();
+        if self.reduced.is_switched() {
+            // Coarser ones where those with all intervals free lead to nothing better.
+            for (number, inside) in self.inside().into_iter().enumerate() {
+                let share = if number == 0 { 1 } else { 2 };
+                points = self.compass(points, (inside, share), target);
+                if points.first().is_some_and(|best| best.merit < target) {
+                    break;
+                }
+            }
+        }
         Found::better(points, self.objective)
     }
 
@@ -112,28 +120,37 @@ impl Search<'_, '_, '_> {
         points
     }
 
-    /// All quantities at points of a Kronecker sequence.
-    fn inside(&self) -> Vec<Vec<f64>> {
+    /// All quantities at points of a Kronecker sequence, then, where controls have more intervals than pieces, the same with one
+    /// value of each control in all intervals of a piece: what values in many intervals do cancels.
+    fn inside(&self) -> Vec<Vec<Vec<f64>>> {
         let bounded: Vec<Quantity> = self.bounded().copied().collect();
-        let point = |k| {
-            let shares = kronecker(k, bounded.len());
-            self.moved(&bounded, |i| shares[i])
+        let all = (0..bounded.len()).collect();
+        let coarse = PIECES.into_iter().filter_map(|n| in_pieces(&bounded, n));
+        let points = |piece_of: Vec<usize>| {
+            let n = piece_of.iter().max().map_or(0, |last| last + 1);
+            let point = |k| {
+                let shares = kronecker(k, n);
+                self.moved(&bounded, |i| shares[piece_of[i]])
+            };
+            (1..=SPREAD).map(point).collect()
         };
-        (1..=SPREAD).map(point).collect()
+        [all].into_iter().chain(coarse).map(points).collect()
     }
 
-    /// The best ends of descents from a point and from those inside the ranges: below `target` or promising.
+    /// The best ends of descents from these points and from those inside the ranges, of which a share is followed: below
+    /// `target` or promising.
     fn compass(
         &mut self,
-        edge: Option<Candidate>,
+        from: Vec<Candidate>,
+        (inside, share): (Vec<Vec<f64>>, usize),
         mut target: f64,
-        reach: &mut Reach,
     ) -> Vec<Candidate> {
-        let inside = self.inside();
-        let inside = self.reached(inside, reach).into_iter();
+        let mut reach = Reach::new(self, inside.len() + self.most_runs() / share);
+        reach.learn(self, self.w);
+        let inside = self.reached(inside, &mut reach).into_iter();
         let mut ends = Vec::new();
-        for point in edge.into_iter().chain(inside.take(FOLLOWED)) {
-            let end = self.downhill(point, target, reach);
+        for point in from.into_iter().chain(inside.take(FOLLOWED / share)) {
+            let end = self.downhill(point, target, &mut reach);
             if end.merit < target || self.is_promising(&end) {
                 target = target.min(end.merit);
                 ends.push(end);
@@ -150,13 +167,12 @@ impl Search<'_, '_, '_> {
         points
     }
 
-    /// How many simulations points inside the ranges and descents from them take at most.
+    /// How many simulations descents take at most.
     fn most_runs(&self) -> usize {
         let steps = self.base.map_or(1, |base| base.steps);
-        let inside = SPREAD as usize;
         match self.reduced.is_constrained() {
-            true => (self.reduced.most_runs(steps) / FEWER).min(MOST_RUNS) + inside,
-            false => MOST_RUNS + inside,
+            true => (self.reduced.most_runs(steps) / FEWER).min(MOST_RUNS),
+            false => MOST_RUNS,
         }
     }
 
@@ -232,6 +248,20 @@ impl Search<'_, '_, '_> {
         self.reduced.problem.balance(&mut next);
         next
     }
+}
+
+/// The number of the piece that each quantity is in, where the intervals of controls are taken together to `n` pieces; none
+/// where no control has more intervals.
+fn in_pieces(quantities: &[Quantity], n: usize) -> Option<Vec<usize>> {
+    let alike = quantities.chunk_by(|a, b| a.kind == b.kind && matches!(a.kind, Kind::Control(_)));
+    let (mut pieces, mut is_coarse, mut first) = (Vec::new(), false, 0);
+    for alike in alike {
+        let count = alike.len().min(n);
+        pieces.extend((0..alike.len()).map(|i| first + i * count / alike.len()));
+        is_coarse |= count < alike.len();
+        first += count;
+    }
+    is_coarse.then_some(pieces)
 }
 
 /// Point k of a Kronecker sequence in [0, 1]ⁿ: multiples of g⁻¹, g⁻², .. without their integers, with gⁿ⁺¹ = g + 1.
