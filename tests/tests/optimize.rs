@@ -1,6 +1,6 @@
 //! Optimal control against closed forms.
 
-use nsd_tests::{DataFiles, optimum_with_data, solved_optimum, with_experiment};
+use nsd_tests::{DataFiles, optimum, optimum_with_data, solved_optimum, with_experiment};
 use nsdc::compile;
 use nsdc::diagnostics::Diagnostics;
 use nsdc::expr::Exprs;
@@ -742,4 +742,24 @@ fn costs_that_are_tiny_everywhere_are_compared_with_themselves() {
     let found = nsd_tests::optimum(text, "o");
     let objective = found.objective.expect("it was minimized");
     assert!(objective <= 1.01e-9 / 3.0, "{objective:e}");
+}
+
+/// A run that stops after so many iterations says so, and nothing of the problem.
+#[test]
+fn a_limit_of_iterations_is_how_a_run_ends() {
+    let with = |most: usize| {
+        let text = format!(
+            "model m {{ state x = 1; state v = 0; control u in [-1, 1] = 0; x' = v; v' = u - 0.5*sign(v); }}
+             optimize o of m {{ horizon 4; intervals 4; method mpcc {{ max_iterations = {most}; }}
+               minimize integral(u^2); final {{ x = 0; v = 0; }} }}"
+        );
+        optimum(&text, "o")
+    };
+    for most in [1, 3, 8] {
+        let found = with(most);
+        assert_eq!(found.status, Status::IterationLimit, "{most}");
+        let failure = found.failure.expect("it is no optimum").to_string();
+        assert!(failure.contains("`max_iterations`"), "{failure}");
+    }
+    assert_eq!(with(1000).status, Status::Solved);
 }

@@ -18,7 +18,7 @@ use crate::limit::Limit;
 use crate::optimize::checks::solved;
 use crate::optimize::start::reference;
 use crate::project::watch::Watch;
-use crate::report::Failure;
+use crate::report::{self, Failure};
 use crate::simulate::ReferenceRun;
 
 /// How often a program is solved again.
@@ -145,7 +145,7 @@ fn on_no_side(problem: &Problem<'_>, undecided: &Undecided) -> Failure {
             "in the point that was found relay `{}` is between its two sides from t = {:.6} on, which the model never is",
             switch.name, undecided.time
         ),
-        is_feasible: false,
+        end: report::Status::NumericalFailure,
         lines: vec![LabeledSpan::new_with_span(
             Some(label),
             span.unwrap_or(problem.settings.span),

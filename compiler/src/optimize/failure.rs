@@ -8,7 +8,7 @@ use super::Problem;
 use crate::diagnostics::counted;
 use crate::lowering::discretize::DiscretizeError;
 use crate::lowering::mpcc::{self, Kind, Origin, Source};
-use crate::report::{Failure, Stationarity};
+use crate::report::{self, Failure, Stationarity};
 use crate::source::Span;
 use crate::system::experiment::Settings;
 
@@ -29,10 +29,10 @@ const CURVES_DOWN: &str = "a feasible point was reached that is stationary and n
 /// Why there is no solution; `None` where there is one.
 pub(super) fn of(problem: &mut Problem, solution: &Solution) -> Option<Failure> {
     let span = problem.settings.span;
-    let failed = |what: &str| {
+    let failed = |what: &str, end: report::Status| {
         Some(Failure::NotOptimal {
             what: what.to_owned(),
-            is_feasible: solution.is_feasible(),
+            end,
             lines: vec![whole(span)],
         })
     };
@@ -48,7 +48,7 @@ pub(super) fn of(problem: &mut Problem, solution: &Solution) -> Option<Failure> 
             })
         }
         Status::Feasible => match not_shown(solution) {
-            Some(what) => failed(what),
+            Some(what) => failed(what, report::Status::Feasible),
             None => Some(weak(problem, solution)),
         },
         Status::LocallyInfeasible => {
@@ -64,15 +64,31 @@ pub(super) fn of(problem: &mut Problem, solution: &Solution) -> Option<Failure> 
         Status::Unbounded => Some(Failure::Unbounded {
             span: problem.task.cost.span,
         }),
-        Status::IterationLimit => failed("the limit of iterations was reached"),
+        Status::IterationLimit if is_at_limit(problem, solution) => failed(
+            "`max_iterations` was reached",
+            report::Status::IterationLimit,
+        ),
+        Status::IterationLimit => failed(
+            "no program that was solved on the way came to its end",
+            report::Status::NumericalFailure,
+        ),
         Status::Over(over) => Some(Failure::over(over, 0.0, span)),
         Status::Evaluation => Some(Failure::NotOptimal {
             what: "a function of the model, or a derivative, is not finite at the guess".to_owned(),
-            is_feasible: false,
+            end: report::Status::NumericalFailure,
             lines: not_finite(problem, &solution.w),
         }),
-        Status::NumericalFailure => failed("the solver found no further step"),
+        Status::NumericalFailure => failed(
+            "the solver found no further step",
+            report::Status::NumericalFailure,
+        ),
     }
+}
+
+/// Whether it took all iterations that the experiment allows, and not those that programs have by themselves.
+fn is_at_limit(problem: &Problem, solution: &Solution) -> bool {
+    let most = problem.task.options.max_iterations;
+    most.is_some_and(|most| solution.stats.iterations >= most)
 }
 
 /// The experiment as a whole.
@@ -204,7 +220,7 @@ pub(super) fn descends(rate: f64, settings: &Settings) -> Failure {
             "simulations with other free quantities have smaller objectives, by {rate:.1e} per half of their range, \
              and the program has no such point near this one"
         ),
-        is_feasible: true,
+        end: report::Status::Feasible,
         lines: vec![whole(settings.span)],
     }
 }
@@ -264,7 +280,7 @@ pub(super) fn refused(error: &DiscretizeError, settings: &Settings) -> Failure {
     };
     Failure::NotOptimal {
         what: error.to_string(),
-        is_feasible: false,
+        end: report::Status::NumericalFailure,
         lines: vec![line],
     }
 }
@@ -275,7 +291,6 @@ mod tests {
     use nsd_solver::optimization::mpcc::{Class, Options, Solution, Status, solve};
 
     use crate::optimize::{Given, Problem};
-    use crate::report;
     use crate::testing::with_last;
 
     /// A solution that is said to be of a class, with one undecided pair whose multipliers are these.
@@ -308,7 +323,7 @@ mod tests {
             let mut failure = |class, b_stationary, pair| {
                 let ending = ending(&found, class, b_stationary, pair);
                 let failure = super::of(&mut problem, &ending).expect("it is no solution");
-                assert_eq!(failure.status(), report::Status::Feasible);
+                assert_eq!(failure.status(), crate::report::Status::Feasible);
                 let code = failure.code().expect("failures have codes").to_string();
                 (code, failure.to_string())
             };

@@ -422,12 +422,15 @@ pub enum Failure {
     #[error("no optimum was found: {what}")]
     #[diagnostic(
         code(E0717),
-        help("try another `guess`, several `starts`, or more `elements`")
+        help("{}", match end {
+            Status::IterationLimit => "raise `max_iterations`, or leave it out and give the run `--time-limit`",
+            _ => "try another `guess`, several `starts`, or more `elements`",
+        })
     )]
     NotOptimal {
         what: String,
-        /// Whether the constraints are satisfied.
-        is_feasible: bool,
+        /// How the run ended: where constraints are satisfied, or at a limit, or neither.
+        end: Status,
         /// Lines that are to blame, or the experiment.
         #[label(collection)]
         lines: Vec<LabeledSpan>,
@@ -553,11 +556,8 @@ impl Failure {
             Failure::Infeasible { .. } => Status::LocallyInfeasible,
             Failure::Unbounded { .. } => Status::Unbounded,
             Failure::OfRun { failure, .. } => failure.status(),
-            Failure::Weak { .. }
-            | Failure::NotFitted { .. }
-            | Failure::NotOptimal {
-                is_feasible: true, ..
-            } => Status::Feasible,
+            Failure::NotOptimal { end, .. } => *end,
+            Failure::Weak { .. } | Failure::NotFitted { .. } => Status::Feasible,
             _ => Status::NumericalFailure,
         }
     }
