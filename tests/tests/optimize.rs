@@ -739,7 +739,7 @@ fn an_impact_stays_at_the_end_of_an_interval() {
 fn costs_that_are_tiny_everywhere_are_compared_with_themselves() {
     let text = "model m { state x = 0.001; control u in [-1, 1] = 0; x' = u; }
         optimize o of m { horizon 0.002; intervals 4; minimize integral(x^2); }";
-    let found = nsd_tests::optimum(text, "o");
+    let found = optimum(text, "o");
     let objective = found.objective.expect("it was minimized");
     assert!(objective <= 1.01e-9 / 3.0, "{objective:e}");
 }

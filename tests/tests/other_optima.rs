@@ -239,7 +239,7 @@ fn constraints_are_kept_in_small_units() {
 #[test]
 fn periodic_motions_are_looked_for_on_their_equation() {
     let cases = [
-        (1.15, 0.87, 1.0, 0.2, 4, [1e-4, 1e4], 0.5),
+        (1.15_f64, 0.87_f64, 1.0, 0.2, 4, [1e-4, 1e4], 0.5),
         (1.07, 1.58, 0.5, 0.39, 1, [1e4, 1e-2], 0.0),
         (0.74, 0.62, 0.1, 0.22, 4, [1e-4, 1e-2], 1.0),
         (0.82, 1.32, 0.5, 0.22, 4, [1e-4, 1e4], 1.0),
@@ -248,7 +248,7 @@ fn periodic_motions_are_looked_for_on_their_equation() {
         (0.5, 0.6, 0.5, 1.3, 2, [1e2, 1e-3], 1.0),
     ];
     for (a, r, weight, mu, n, [x, time], guess) in cases {
-        let p = ((r - weight * a * mu) / (1.0 + weight * a * a)).max(0.0);
+        let p: f64 = ((r - weight * a * mu) / (1.0 + weight * a * a)).max(0.0);
         let moving = (p - r).powi(2) + weight * (a * p + mu).powi(2);
         let least = moving.min(r * r);
         let u = x / time;
@@ -308,6 +308,8 @@ fn more_intervals_are_no_worse() {
         let on = |n: usize| objective(&text.replace('N', &n.to_string()));
         let (few, many) = (on(few), on(8));
         assert!(few < most, "{few}: {text}");
-        assert!(many < few + 1e-6, "{many} with more than {few}: {text}");
+        // What is found first ends the search where no more than this is to be gained.
+        let none = 3e-4 * few.abs() + 1e-5;
+        assert!(many < few + none, "{many} with more than {few}: {text}");
     }
 }
