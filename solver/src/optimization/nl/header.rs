@@ -1,7 +1,9 @@
 //! The first ten lines.
 
+use std::ops::Range;
+
 use super::scan::Scanner;
-use super::{Error, Fault};
+use super::{Error, Fault, Place};
 
 /// What the header says, as far as it is needed.
 #[derive(Clone, Debug, PartialEq)]
@@ -16,10 +18,65 @@ pub struct Header {
     pub n_rows: usize,
     /// Objectives.
     pub n_objectives: usize,
-    /// Binary variables; they are the last but the integer ones.
-    pub n_binary: usize,
+    /// Variables that are binary, and those that are integer: binary where their bounds say so, which holds for all that
+    /// nonlinear functions have.
+    pub discrete: Discrete,
     /// Defined variables.
     pub n_defined: usize,
+}
+
+/// Where variables with whole values are.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Discrete {
+    /// Declared as binary.
+    pub binary: Range<usize>,
+    /// Declared as integer.
+    pub integer: Vec<Range<usize>>,
+    /// The line that says how many there are.
+    pub(crate) place: Place,
+}
+
+impl Discrete {
+    /// Variables have an order: those that are nonlinear in rows and objective, in rows alone, in the objective alone, each
+    /// with its integer ones last, then linear ones, then binary ones, then integer ones (Gay 2005, *Writing .nl Files*,
+    /// table 3).
+    fn of(
+        scanner: &Scanner,
+        n: usize,
+        [in_rows, in_objective, in_both]: [i64; 3],
+        counts: [i64; 5],
+    ) -> Result<Self, Error> {
+        let [binary, integer, both, rows, objective] = counts;
+        let ends = [
+            (n as i64 - integer.max(0), binary, "binary variable"),
+            (n as i64, integer, "integer variable"),
+            (in_both, both, "integer variable"),
+            (in_rows, rows, "integer variable"),
+            (in_objective, objective, "integer variable"),
+        ];
+        let mut ranges = Vec::new();
+        for (end, number, what) in ends {
+            if number == 0 {
+                ranges.push(0..0);
+                continue;
+            }
+            if number < 0 || number > end || end > n as i64 {
+                return scanner.error(Fault::Range {
+                    what,
+                    number,
+                    count: n,
+                });
+            }
+            ranges.push((end - number) as usize..end as usize);
+        }
+        let binary = ranges.remove(0);
+        ranges.retain(|range| !range.is_empty());
+        Ok(Discrete {
+            binary,
+            integer: ranges,
+            place: scanner.place(),
+        })
+    }
 }
 
 /// Numbers of one line; missing ones are 0, except for the first few.
@@ -90,7 +147,7 @@ pub(crate) fn read(scanner: &mut Scanner) -> Result<Header, Error> {
         2,
     )?;
     line::<2>(scanner, "the numbers of network constraints", 2)?;
-    line::<3>(scanner, "the numbers of nonlinear variables", 2)?;
+    let nonlinear = line(scanner, "the numbers of nonlinear variables", 2)?;
     let [_, n_functions, arithmetic, _] = line(scanner, "network variables and functions", 2)?;
     if n_functions != 0 {
         return scanner.error(Fault::Functions(n_functions.unsigned_abs() as usize));
@@ -100,23 +157,8 @@ pub(crate) fn read(scanner: &mut Scanner) -> Result<Header, Error> {
     if binary && !matches!(arithmetic, 0 | LITTLE_ENDIAN) {
         return scanner.error(Fault::ByteOrder);
     }
-    let discrete = line::<5>(scanner, "the numbers of discrete variables", 5)?;
-    let [n_binary, integers @ ..] = discrete;
-    let n_binary = count(scanner, "binary variables", n_binary)?;
-    if n_binary > n_variables {
-        return scanner.error(Fault::Range {
-            what: "binary variable",
-            number: discrete[0],
-            count: n_variables,
-        });
-    }
-    let n_integer: i64 = integers
-        .iter()
-        .map(|n| n.saturating_abs())
-        .fold(0, i64::saturating_add);
-    if n_integer != 0 {
-        return scanner.error(Fault::Integer(n_integer as usize));
-    }
+    let counts = line(scanner, "the numbers of discrete variables", 5)?;
+    let discrete = Discrete::of(scanner, n_variables, nonlinear, counts)?;
     line::<2>(scanner, "the numbers of nonzeros", 2)?;
     line::<2>(scanner, "the lengths of names", 2)?;
     let defined = line::<5>(scanner, "the numbers of defined variables", 5)?;
@@ -131,7 +173,7 @@ pub(crate) fn read(scanner: &mut Scanner) -> Result<Header, Error> {
         n_variables,
         n_rows,
         n_objectives,
-        n_binary,
+        discrete,
         n_defined,
     })
 }

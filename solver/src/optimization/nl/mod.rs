@@ -20,7 +20,7 @@ mod shape;
 mod solution;
 
 pub use error::{Error, Fault, Place};
-pub use header::Header;
+pub use header::{Discrete, Header};
 pub use quality::Quality;
 pub use segments::Sense;
 pub use solution::{Code, names};

@@ -3,6 +3,7 @@
 use rustc_hash::FxHashMap;
 
 use super::expression::{Id, Node, Operator};
+use super::header::Discrete;
 use super::lift::{Lifted, lift};
 use super::segments::{Contents, Function, Linear, RowBound, Sense};
 use super::shape::{Shape, Word, Writer, compile};
@@ -71,7 +72,7 @@ pub(crate) fn build(mut contents: Contents) -> Result<Problem, Error> {
     let mut rows = Rows::of(&mut contents, lifted);
     let n_kinks = rows.pairs.len();
     let n_complements = rows.bound(&contents)?;
-    rows.complement_binaries(&contents)?;
+    let n_binaries = rows.complement_binaries(&contents)?;
     let Rows { rows, pairs, added } = rows;
 
     let mut program = variables(&contents, &added);
@@ -102,7 +103,7 @@ pub(crate) fn build(mut contents: Contents) -> Result<Problem, Error> {
             rows: contents.header.n_rows,
             complementarities: n_complements,
             kinks: n_kinks,
-            binaries: contents.header.n_binary,
+            binaries: n_binaries,
         },
         rows: file_rows.take(contents.header.n_rows).collect(),
         sense,
@@ -201,20 +202,37 @@ impl Rows {
         Side::Row((self.rows.len() - 1) as u32)
     }
 
-    /// 0 <= x ⟂ 1 - x >= 0 for binary variables.
-    fn complement_binaries(&mut self, contents: &Contents) -> Result<(), Error> {
-        let first = contents.header.n_variables - contents.header.n_binary;
-        for (variable, &bounds) in contents.variable_bounds.iter().enumerate().skip(first) {
-            match bounds {
-                (l, u) if l == u && (l == 0.0 || l == 1.0) => {}
+    /// 0 <= x ⟂ 1 - x >= 0 for binary variables, which it counts.
+    fn complement_binaries(&mut self, contents: &Contents) -> Result<usize, Error> {
+        let Discrete {
+            binary,
+            integer,
+            place,
+        } = &contents.header.discrete;
+        let (mut count, mut others) = (0, 0);
+        let all = integer.iter().chain([binary]).cloned();
+        for variable in all.flatten() {
+            match contents.variable_bounds[variable] {
                 (0.0, 1.0) => {
                     let distance = self.below(contents, variable as u32);
                     self.pairs.push((Side::Variable(variable as u32), distance));
+                    count += 1;
                 }
-                _ => return Err(contents.wrong(Fault::Binary(variable))),
+                (l, u) if l == u && (l == 0.0 || l == 1.0) => count += 1,
+                _ if binary.contains(&variable) => {
+                    return Err(contents.wrong(Fault::Binary(variable)));
+                }
+                (l, u) if l == u && l.fract() == 0.0 => {}
+                _ => others += 1,
             }
         }
-        Ok(())
+        match others {
+            0 => Ok(count),
+            _ => Err(Error {
+                place: *place,
+                fault: Fault::Integer(others),
+            }),
+        }
     }
 }
 

@@ -323,6 +323,32 @@ fn binary_variables_are_pairs() {
 }
 
 #[test]
+fn integers_between_zero_and_one_are_binary_wherever_they_are() {
+    // (v0 - v1)² with both integer in the objective alone, and v2 integer and linear.
+    let nonlinear = |bounds: &str| {
+        "g3 1 1 0\n 3 0 1 0 0\n 0 1\n 0 0\n 0 2 0\n 0 0 0 1\n 0 1 0 0 2\n 0 0\n 0 0\n 0 0 0 0 0\n"
+            .to_owned()
+            + "O0 0\no5\no1\nv0\nv1\nn2\nb\n0 0 1\n0 0 1\n"
+            + bounds
+    };
+    let problem = program(&nonlinear("0 0 1\n"));
+    assert_eq!(
+        (problem.program.pairs().len(), problem.sizes.binaries),
+        (3, 3)
+    );
+    // One that is fixed is a number.
+    let problem = program(&nonlinear("0 4 4\n"));
+    assert_eq!(
+        (problem.program.pairs().len(), problem.sizes.binaries),
+        (2, 2)
+    );
+    assert_eq!(
+        fault(&nonlinear("0 0 4\n")),
+        "line 7: 1 variables are integer"
+    );
+}
+
+#[test]
 fn kinks_are_pairs_that_start_where_they_hold() {
     // |v0 - v1| + min(v0, v1, 3) - max(v0, v1)
     let expression = "o0\no15\no1\nv0\nv1\no1\no11\n3\nv0\nv1\nn3\no12\n2\nv0\nv1\n";
