@@ -10,6 +10,7 @@ use nsd_solver::hybrid::{Outcome, Status as End};
 use nsd_solver::sensitivity::{Directions, Moment, Sensitivities};
 
 use super::estimate::{Comparison, Estimate, Estimator, held};
+use super::methods::blurred;
 use super::record::Recorder;
 use super::sensing::{Both, Sensing, Weigh, instants};
 use super::watch::{Progress, Watched};
@@ -230,6 +231,11 @@ pub(super) trait Run<'e> {
         false
     }
 
+    /// Whether it counts switching functions as zero by the size of their terms alone.
+    fn has_bands(&self) -> bool {
+        false
+    }
+
     /// Whether it sees by itself where functions of states are narrow.
     fn sees_narrow(&self) -> bool {
         false
@@ -300,15 +306,20 @@ pub(super) fn drive<'e>(
     };
     let First {
         ended,
-        recorder,
+        mut recorder,
         recording,
     } = first;
+    let ranges = std::mem::take(&mut recorder.record.ranges);
     let mut trajectory = assemble(&problem, &ended, recorder);
     if let Some(sensing) = sensing {
         let of = (system, &**reported);
         differentiate(run, (&recording, &ended), (sensing, of), &mut trajectory);
     }
     trajectory.setup.method = run.describe(&problem, &ended);
+    if run.has_bands() {
+        let blurred = blurred::warning(system, &ended.outcome, &ranges);
+        trajectory.warnings.extend(blurred);
+    }
     run.tell(&problem, &ended, &mut trajectory);
     match estimate {
         Some(estimate) => {

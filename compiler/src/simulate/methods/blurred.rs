@@ -3,7 +3,7 @@
 use nsd_solver::hybrid::Outcome;
 
 use crate::expr::Expr;
-use crate::report::{Trajectory, Warning};
+use crate::report::Warning;
 use crate::simulate::outcome::steepest;
 use crate::system::{Role, System};
 
@@ -13,29 +13,16 @@ const BAND: f64 = 1e-12;
 /// The share of how far ψ moves that this may be.
 const SHARE: f64 = 0.1;
 
-/// A warning about the first switch that counts as zero over much of where it moves.
-pub(crate) fn warning(
-    system: &System,
-    outcome: &Outcome,
-    trajectory: &Trajectory,
-) -> Option<Warning> {
-    let mut ranges = vec![(f64::INFINITY, f64::NEG_INFINITY); outcome.x.len()];
-    let groups = system.recorded.groups.iter();
-    for (group, series) in groups.zip(&trajectory.samples.states) {
-        for row in series.values.chunks_exact(group.entries.len().max(1)) {
-            for (&entry, &x) in group.entries.iter().zip(row) {
-                let (low, high) = &mut ranges[entry];
-                (*low, *high) = (low.min(x), high.max(x));
-            }
-        }
-    }
+/// A warning about the first switch that counts as zero over much of where it moves, by the least and the largest value of
+/// each state.
+pub(crate) fn warning(system: &System, outcome: &Outcome, ranges: &[[f64; 2]]) -> Option<Warning> {
     let values = steepest::values(system, outcome);
     let value = |e: Expr| values.value(e);
     let plain = (system.switches.iter())
         .filter(|switch| switch.role == Role::Step && switch.slip_of.is_none());
     plain.into_iter().find_map(|switch| {
         let (mut size, mut moves) = (0.0, 0.0);
-        for (state, (low, high)) in system.states.iter().zip(&ranges) {
+        for (state, [low, high]) in system.states.iter().zip(ranges) {
             let var = state.var.as_variable()?;
             let slope = value(switch.psi.diff(var)).abs();
             size += slope * low.abs().max(high.abs());

@@ -1,7 +1,7 @@
 //! The method of an experiment, with what is compiled of its system before it runs.
 
 pub(crate) mod adaptive;
-mod blurred;
+pub(super) mod blurred;
 mod described;
 mod events;
 pub mod fesd;

@@ -39,8 +39,21 @@ pub(super) struct Record {
     pub changes: Vec<Change>,
     /// The states behind the first events, one after another.
     pub behind: Vec<f64>,
+    /// The least and the largest value of each state, at ends of steps and behind jumps; none before the first.
+    pub ranges: Vec<[f64; 2]>,
     /// Instants at which infinitely many events accumulate.
     accumulations: Vec<f64>,
+}
+
+impl Record {
+    fn widen(&mut self, x: &[f64]) {
+        if self.ranges.is_empty() {
+            self.ranges = x.iter().map(|&x| [x, x]).collect();
+        }
+        for ([low, high], &x) in self.ranges.iter_mut().zip(x) {
+            (*low, *high) = (low.min(x), high.max(x));
+        }
+    }
 }
 
 /// Observes a run and keeps what the experiment asks for.
@@ -364,6 +377,11 @@ impl Observer for Recorder<'_, '_> {
     fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
         let end = segment.until;
         self.look_behind(segment);
+        if self.record.ranges.is_empty() {
+            segment.state(0.0, &mut self.x);
+            self.record.widen(&self.x);
+        }
+        self.record.widen(segment.end);
         self.limits.segment(segment);
         let has_rows_inside = self.sampling == Sampling::Curve
             && curve::is_divided(segment.length, self.record.horizon);
@@ -399,6 +417,7 @@ impl Observer for Recorder<'_, '_> {
 
     fn event(&mut self, event: &Event) {
         self.has_turned = true;
+        self.record.widen(event.x);
         if event.accumulates {
             self.record.accumulations.push(event.time);
         }

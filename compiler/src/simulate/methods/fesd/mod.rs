@@ -24,7 +24,6 @@ pub(crate) use complementarity::complementarity_open;
 pub use impulses::prepared as with_impulses;
 use turns::{Surfaces, Turned, Turns};
 
-use super::blurred;
 use crate::limit::Limit;
 use crate::lowering::hybrid::Pulses;
 use crate::report::{Method, Multipliers, Series, Trajectory};
@@ -273,6 +272,10 @@ impl<'e> Run<'e> for ByElements {
         true
     }
 
+    fn has_bands(&self) -> bool {
+        true
+    }
+
     fn differentiate(
         &self,
         _: &event::Recording,
@@ -285,12 +288,8 @@ impl<'e> Run<'e> for ByElements {
         confirmed(by, [Some(recorded), self.finer.as_ref()], directions)
     }
 
-    fn tell(&mut self, problem: &Problem<'_, 'e>, ended: &Ended, trajectory: &mut Trajectory) {
-        let Problem {
-            system, settings, ..
-        } = problem;
-        let blurred = blurred::warning(system, &ended.outcome, trajectory);
-        trajectory.warnings.extend(blurred);
+    fn tell(&mut self, problem: &Problem<'_, 'e>, _: &Ended, trajectory: &mut Trajectory) {
+        let settings = problem.settings;
         trajectory.quality.certificate.max_violation = -self.left.least_member;
         trajectory.multipliers = self.left.multipliers.take();
         let options = options(settings);

@@ -13,7 +13,6 @@ use nsd_solver::sensitivity::{Directions, Moment, Sensitivities};
 use physical_time::End;
 pub(crate) use runner::FrozenRunner;
 
-use super::blurred;
 use super::fesd::options;
 use crate::report::{Failure, Method, Trajectory};
 use crate::simulate::driver::{Accuracy, Ended, Problem, Run};
@@ -171,6 +170,10 @@ impl<'e> Run<'e> for InNumericalTime<'e> {
         self.runner.takes_measures()
     }
 
+    fn has_bands(&self) -> bool {
+        self.runner.formulation().is_some()
+    }
+
     fn differentiate(
         &self,
         _: &Recording,
@@ -182,10 +185,8 @@ impl<'e> Run<'e> for InNumericalTime<'e> {
         super::fesd::confirmed(by, runs, directions)
     }
 
-    fn tell(&mut self, problem: &Problem<'_, 'e>, ended: &Ended, trajectory: &mut Trajectory) {
+    fn tell(&mut self, _: &Problem<'_, 'e>, _: &Ended, trajectory: &mut Trajectory) {
         if self.runner.formulation().is_some() {
-            let blurred = blurred::warning(problem.system, &ended.outcome, trajectory);
-            trajectory.warnings.extend(blurred);
             // As of `method fesd`.
             trajectory.quality.certificate.max_violation = -self.least_member;
         }
