@@ -90,6 +90,33 @@ fn rates_and_numbers_do_not_either() {
     }
 }
 
+/// x = 1 + sin(t)/2 stays above zero, where y follows 1/2 sin(2t)/2 with what is added to it: the other branches, which
+/// several switches choose among, are never taken, and their weights are products of α.
+#[test]
+fn elements_have_nothing_of_branches_that_are_not_taken() {
+    let large = ["L*sin(time) + 1", "-L*cos(y)", "L*(1 + y^2)", "L*x"];
+    for limit in [1e9, 1e12, 1e15] {
+        for first in large {
+            for second in large {
+                for lowering in ["step", "stewart"] {
+                    let text = format!(
+                        "model m {{
+                           param L = {limit:e};
+                           state x = 1; state y = 0.2; x' = 0.5*cos(time);
+                           y' = 0.5*cos(2*time) + (if x > 0 then 0.3 else if x > -1 then {first} else {second});
+                         }}
+                         simulate run of m {{ horizon 1; tolerance 1e-11; method fesd; lower {lowering}; }}"
+                    );
+                    let found = solved(&text, "run");
+                    let what = format!("{first}, {second} with {limit:e} by {lowering}");
+                    close(end(&found, "x")[0], 1.0 + 0.5 * 1.0_f64.sin(), &what);
+                    close(end(&found, "y")[0], 0.5 + 0.25 * 2.0_f64.sin(), &what);
+                }
+            }
+        }
+    }
+}
+
 /// log(x - 5) and √(x - 5) have no value where x is below 5.
 #[test]
 fn what_has_no_value_is_not_asked_for_one() {

@@ -158,6 +158,14 @@ impl<K: Copy + Ord> Linear<K> {
         }
     }
 
+    /// Its number, with what that has absorbed.
+    pub(super) fn without_terms(&self) -> Self {
+        Linear {
+            terms: Vec::new(),
+            ..*self
+        }
+    }
+
     /// `self + c * other`.
     pub(crate) fn plus(self, c: f64, other: &Self) -> Self {
         self.plus_rounded(c, other, 0.0)
@@ -270,7 +278,7 @@ impl Op {
             Self::Sub(a, b) => at(a)?.clone().plus(-1.0, at(b)?),
             Self::AddScaled(a, c, b) => at(a)?.clone().plus(c, at(b)?),
             Self::Mul(a, b) => match (at(a)?, at(b)?) {
-                (a, b) if b.terms.is_empty() => a.times(b.constant),
+                (a, b) if b.terms.is_empty() => a.times(b.value()),
                 (a, b) => b.times(a.as_number()?),
             },
             Self::Div(a, b) => at(a)?.times(1.0 / at(b)?.as_number()?),

@@ -75,7 +75,7 @@ impl Sums {
     /// A sum with others in place of inputs, all at once.
     pub fn replace<'s>(&mut self, sum: &Sum, by: &impl Fn(usize) -> Option<&'s Sum>) -> Sum {
         let mut known = FxHashMap::default();
-        let mut total = Linear::number(sum.constant);
+        let mut total = sum.without_terms();
         for &(value, factor) in &sum.terms {
             self.remake(value, by, &mut known);
             total = total.plus_rounded(factor, &known[&value.number()], ROUNDING);

@@ -307,6 +307,7 @@ impl<'s> Active<'s> {
             residuals,
             given,
         } = eliminate(&mut self.sums, rows, is_free)?;
+        let all = self.with_numbers(all, &given);
         let by = |input: usize| given.get(input)?.as_ref();
         let rates = all[..n].iter();
         self.rates = rates.map(|rate| self.sums.replace(rate, &by)).collect();
@@ -317,6 +318,22 @@ impl<'s> Active<'s> {
         }
         (self.unknowns, self.residuals) = (unknowns, residuals);
         Some(())
+    }
+
+    /// The equations once more where they give numbers, as products of α are in a region: a factor that is 0 or 1 is to be
+    /// one before anything is multiplied with it, so that of a branch that is not taken nothing is left, however large it is.
+    fn with_numbers(&mut self, all: Vec<Sum>, given: &[Option<Sum>]) -> Vec<Sum> {
+        let number = |given: &Option<Sum>| given.as_ref().and_then(Sum::as_number);
+        let (mut inputs, mut is_new) = (self.inputs.clone(), false);
+        for (input, given) in inputs.iter_mut().zip(given) {
+            if let Some(value) = number(given) {
+                (*input, is_new) = (Sum::number(value), true);
+            }
+        }
+        match is_new {
+            true => self.sums.take(&self.system.full.equations, &inputs),
+            false => all,
+        }
     }
 
     /// The last derivatives of the residuals before an unknown appears in one, and those in which it does.
