@@ -8,6 +8,7 @@ mod algebraic_optimal;
 mod allocation;
 mod belts;
 mod boxes;
+mod branches;
 mod cancel;
 mod causes;
 mod chattering;

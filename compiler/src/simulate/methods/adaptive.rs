@@ -14,6 +14,7 @@ use nsd_solver::event::Observer;
 use nsd_solver::hybrid::{Side, Sided};
 use nsd_solver::tape::{Scratch, Tape};
 
+use super::branching::Branching;
 use crate::expr::{Expr, Substitution, Var, variables_of};
 use crate::limit::Limit;
 use crate::report::{Method, Trajectory, Warning};
@@ -31,6 +32,7 @@ pub(crate) struct Adaptive {
     open: Vec<usize>,
     /// Whether data decide when switches of time change, which is data itself.
     follows_data: bool,
+    branching: Branching,
 }
 
 impl Adaptive {
@@ -40,6 +42,7 @@ impl Adaptive {
             field: prepared(system, settings, open),
             open: open.to_vec(),
             follows_data: follows_data(system),
+            branching: Branching::new(open),
         }
     }
 }
@@ -72,6 +75,9 @@ impl<'e> Run<'e> for Adaptive {
         accuracy: Accuracy,
         observer: &mut dyn Observer,
     ) -> Ended {
+        if !accuracy.is_finer {
+            self.branching.begin(problem);
+        }
         let (system, field) = (problem.system, &mut self.field);
         field.set_parameters(&system.values_of(&self.open));
         field.set_data(&data_of(system));
@@ -111,6 +117,8 @@ impl<'e> Run<'e> for Adaptive {
     fn tell(&mut self, problem: &Problem<'_, 'e>, _: &Ended, trajectory: &mut Trajectory) {
         // The sides at the points say which modes there are; no instant was looked for.
         trajectory.history.events.clear();
+        let several = self.branching.warning(problem.system);
+        trajectory.warnings.extend(several);
         if !problem.system.switches.is_empty() {
             trajectory.warnings.push(Warning {
                 code: "W0708".into(),

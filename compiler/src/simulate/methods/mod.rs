@@ -2,6 +2,7 @@
 
 pub(crate) mod adaptive;
 pub(super) mod blurred;
+mod branching;
 mod described;
 mod events;
 pub mod fesd;

@@ -382,12 +382,32 @@ fn unseen(system: &System, time: f64, function: Function) -> Warning {
 /// Branches in a message before the rest is left out.
 const MAX_SHOWN: usize = 9;
 
-fn non_unique(system: &System, names: &ModeNames, candidates: &[Candidate], time: f64) -> Failure {
+/// Ways to go on, in words.
+fn branches(names: &ModeNames, candidates: &[Candidate]) -> String {
     let shown = candidates.iter().take(MAX_SHOWN);
     let mut branches: Vec<String> = shown.map(|candidate| names.branch(candidate)).collect();
     if candidates.len() > MAX_SHOWN {
         branches.push("..".to_owned());
     }
+    branches.join(" | ")
+}
+
+/// That a method has taken one of several solutions.
+pub(super) fn several(system: &System, candidates: &[Candidate], time: f64) -> Warning {
+    let first = candidates.first().and_then(|candidate| candidate.first());
+    let spans = first.and_then(|&(switch, _)| system.switches[switch].spans.first());
+    Warning {
+        code: "W0705".into(),
+        message: format!(
+            "at t = {time}, several solutions go on, of which the method takes one: {}",
+            branches(&ModeNames::new(system), candidates)
+        ),
+        span: spans.copied(),
+    }
+}
+
+fn non_unique(system: &System, names: &ModeNames, candidates: &[Candidate], time: f64) -> Failure {
+    let branches = branches(names, candidates);
     let first = candidates.first().map_or(&[][..], Vec::as_slice);
     let switches: Vec<usize> = first.iter().map(|&(switch, _)| switch).collect();
     let is_member = |&i: &usize| matches!(system.switches[i].role, Role::Member(_));
@@ -395,7 +415,7 @@ fn non_unique(system: &System, names: &ModeNames, candidates: &[Candidate], time
         return Failure::SeveralSolutions {
             time,
             count: candidates.len(),
-            branches: branches.join(" | "),
+            branches,
             rows: rows(system, &switches),
         };
     }
@@ -411,7 +431,7 @@ fn non_unique(system: &System, names: &ModeNames, candidates: &[Candidate], time
             MAX_NAMED => format!("at least {MAX_NAMED}"),
             count => count.to_string(),
         },
-        branches: branches.join(" | "),
+        branches,
         example,
         surfaces: labels(system, &switches),
     }

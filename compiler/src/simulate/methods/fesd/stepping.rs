@@ -9,6 +9,7 @@ use crate::lowering::hybrid::Pulses;
 use crate::report::{Method, Trajectory};
 use crate::simulate::driver::{Accuracy, Ended, Problem, Run};
 use crate::simulate::estimate::Estimator;
+use crate::simulate::methods::branching::Branching;
 use crate::simulate::record::schedule::{follows_data, scheduled};
 use crate::system::System;
 use crate::system::experiment::{self, MethodKind, Settings, SteppingOptions};
@@ -19,6 +20,7 @@ pub(in crate::simulate) struct Stepping {
     /// Whether data decide when switches of time change, which is data itself.
     follows_data: bool,
     pulses: Pulses,
+    branching: Branching,
 }
 
 impl Stepping {
@@ -28,6 +30,7 @@ impl Stepping {
             compiled: prepared(system, settings, open),
             follows_data: follows_data(system),
             pulses: Pulses::of(system, settings.horizon),
+            branching: Branching::new(open),
         }
     }
 }
@@ -76,7 +79,14 @@ impl<'e> Run<'e> for Stepping {
         let settings = settings_of(problem.settings, accuracy, problem.limit.clone());
         self.compiled.load(problem.system);
         let (horizon, x0) = (problem.settings.horizon, &problem.x0);
-        Ended::by((self.compiled).by_steps(settings, horizon, x0, observer))
+        let run = &mut self.compiled;
+        if accuracy.is_finer {
+            return Ended::by(run.by_steps(settings, horizon, x0, observer));
+        }
+        let mut following = self.branching.follow(problem, observer);
+        let outcome = run.by_steps(settings, horizon, x0, &mut following);
+        following.finish();
+        Ended::by(outcome)
     }
 
     fn describe(&self, problem: &Problem<'_, 'e>, _: &Ended) -> Method {
@@ -103,8 +113,10 @@ impl<'e> Run<'e> for Stepping {
     fn tell(&mut self, problem: &Problem<'_, 'e>, _: &Ended, trajectory: &mut Trajectory) {
         let settings = problem.settings;
         let length = settings.horizon / options(settings).steps as f64;
-        trajectory
-            .warnings
-            .extend(self.pulses.warning(length, settings));
+        let told = [
+            self.branching.warning(problem.system),
+            self.pulses.warning(length, settings),
+        ];
+        trajectory.warnings.extend(told.into_iter().flatten());
     }
 }
