@@ -3,6 +3,7 @@
 mod optimum;
 mod simulation;
 
+use crate::Compiled;
 use crate::cli::args::VerifyArgs;
 use crate::cli::files::{Form, Sink, is_standard};
 use crate::cli::{Exit, Streams, files, io, project};
@@ -11,6 +12,7 @@ use crate::limit::{Cancel, Limit};
 use crate::report::roads::Refusal;
 use crate::simulate::Request;
 use crate::syntax::{Bind, Experiment, ExperimentKind, SettingKind};
+use crate::system::System;
 use crate::system::experiment::MethodKind;
 
 /// What came of an experiment.
@@ -146,4 +148,16 @@ fn exit(agree: bool) -> Exit {
         true => Exit::Success,
         false => Exit::Failed,
     }
+}
+
+/// Whether a lowering of jumps and relays finds none.
+fn is_idle(compiled: &Compiled<'_>) -> bool {
+    let System {
+        jumps, switches, ..
+    } = &compiled.system;
+    let settings = &compiled.settings;
+    let has_relay = switches.iter().any(|switch| switch.relay.is_some());
+    let has_jumps = !jumps.laws.is_empty() || !jumps.contacts.is_empty();
+    settings.freezes() && !has_jumps && !has_relay
+        || settings.takes_impulses() && jumps.contacts.is_empty()
 }

@@ -13,7 +13,6 @@ use crate::project::launch::sampled;
 use crate::report::Trajectory;
 use crate::report::roads::{self, Found, Optima, Refusal, Resumed};
 use crate::syntax::Experiment;
-use crate::system::System;
 use crate::{Compiled, compile};
 
 /// Lowerings of switches, and of what jumps.
@@ -270,16 +269,4 @@ fn solve(
         point: solved.point,
         is_same_point,
     })
-}
-
-/// Whether a lowering of jumps and relays finds none.
-fn is_idle(compiled: &Compiled<'_>) -> bool {
-    let System {
-        jumps, switches, ..
-    } = &compiled.system;
-    let settings = &compiled.settings;
-    let has_relay = switches.iter().any(|switch| switch.relay.is_some());
-    let has_jumps = !jumps.laws.is_empty() || !jumps.contacts.is_empty();
-    settings.freezes() && !has_jumps && !has_relay
-        || settings.takes_impulses() && jumps.contacts.is_empty()
 }

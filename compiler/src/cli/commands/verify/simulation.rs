@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use super::{Subject, Verified, exit, refusal};
+use super::{Subject, Verified, exit, is_idle, refusal};
 use crate::cli::progress::Bar;
 use crate::cli::project::{self, Project};
 use crate::cli::watch::Watching;
@@ -42,7 +42,7 @@ pub fn verify(
     let experiment = subject.experiment;
     // As it is written; what is wrong with that is wrong with the experiment.
     let written = match ride(project, experiment, subject, streams) {
-        Ok(ridden) => ridden,
+        Ok(ridden) => ridden.expect("it is a road of its own"),
         Err(diags) => {
             project::print(&diags, &project.sources, streams)?;
             return Ok(None);
@@ -71,7 +71,9 @@ pub fn verify(
         let name = words.replace(';', ",");
         let run = match ride_or_forget(project, &mut other, subject, streams) {
             Err(diags) => Err(refusal(&diags)),
-            Ok(ridden) => {
+            // Where a lowering finds nothing, the method is that without it, and would confirm itself.
+            Ok(None) => continue,
+            Ok(Some(ridden)) => {
                 let is_known = all.iter().any(|road| {
                     let known = road.run.as_ref();
                     known.is_ok_and(|known| known.setup.method == ridden.run.setup.method)
@@ -121,7 +123,7 @@ fn ride_or_forget(
     experiment: &mut Experiment,
     subject: &Subject<'_>,
     streams: &mut Streams<'_>,
-) -> Result<Ridden, Diagnostics> {
+) -> Result<Option<Ridden>, Diagnostics> {
     let ridden = ride(project, experiment, subject, streams);
     let refused = ridden.as_ref().err().map(Diagnostics::error_codes);
     if refused.is_some_and(|codes| codes.iter().any(|code| code == "E0532")) {
@@ -137,14 +139,15 @@ struct Ridden {
     branches: bool,
 }
 
-/// The trajectory of an experiment with these settings, or why it has none. What it does not report at instants of its
-/// own is reported at common ones.
+/// The trajectory of an experiment with these settings, or why it has none; nothing on another road whose lowering finds
+/// nothing. What it does not report at instants of its own is reported at common ones.
 fn ride(
     project: &Project,
     experiment: &Experiment,
     subject: &Subject<'_>,
     streams: &mut Streams<'_>,
-) -> Result<Ridden, Diagnostics> {
+) -> Result<Option<Ridden>, Diagnostics> {
+    let is_written = std::ptr::eq(experiment, subject.experiment);
     let (exprs, mut diags) = (Exprs::new(), Diagnostics::new());
     let (file, mut clock) = (&project.file, Clock::default());
     let overrides = subject.overrides;
@@ -156,6 +159,9 @@ fn ride(
     let Some(mut compiled) = compiled.filter(|_| !diags.has_errors()) else {
         return Err(diags);
     };
+    if !is_written && is_idle(&compiled) {
+        return Ok(None);
+    }
     let request = subject.request();
     let settings = &mut compiled.settings;
     if settings.recording.sampling == Sampling::Method {
@@ -167,5 +173,5 @@ fn ride(
     };
     let bar = Bar::new(&settings.name, streams.meter.clone());
     let run = launch(project, &mut compiled, &request, &mut Watching::new(bar))?;
-    Ok(Ridden { run, branches })
+    Ok(Some(Ridden { run, branches }))
 }
