@@ -490,3 +490,18 @@ fn drag_and_friction_share_a_surface() {
         }
     }
 }
+
+/// A dose of one within milliseconds, beside a thermostat: elements in numerical time do not end where it is.
+#[test]
+fn elements_in_numerical_time_tell_of_pulses() {
+    let text =
+        "model heat { state T = 15; state c = 0; switch h = hysteresis(T, on = 18, off = 21);
+          T' = -0.2*(T - 10) + 4*h; c' = exp(-((time - 3.7)/0.001)^2)/(0.001*sqrt(pi)); }
+        simulate e of heat { horizon 10; }
+        simulate f of heat { horizon 10; lower timefreezing; method fesd; }";
+    let [by_events, by_elements] = ["e", "f"].map(|experiment| run(text, experiment));
+    assert_near(&end(&by_events, "c"), &[1.0], 1e-6);
+    let is_told = |found: &Trajectory| found.warnings.iter().any(|w| w.code == "W0711");
+    assert!(!is_told(&by_events));
+    assert!(is_told(&by_elements) || (end(&by_elements, "c")[0] - 1.0).abs() < 1e-6);
+}

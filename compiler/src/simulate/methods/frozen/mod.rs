@@ -14,6 +14,7 @@ use physical_time::End;
 pub(crate) use runner::FrozenRunner;
 
 use super::fesd::options;
+use crate::lowering::hybrid::Pulses;
 use crate::report::{Failure, Method, Trajectory};
 use crate::simulate::driver::{Accuracy, Ended, Problem, Run};
 use crate::simulate::estimate::Estimator;
@@ -30,6 +31,8 @@ pub(crate) struct InNumericalTime<'e> {
     runner: FrozenRunner,
     /// The last run from event to event.
     kept: Option<Simulator>,
+    /// Where the system varies fast in physical time.
+    pulses: Pulses,
     /// The parameters that stay open, by their numbers.
     open: Vec<usize>,
     /// Order of the method, and the least member of a pair of complementarity, of the first run.
@@ -68,6 +71,7 @@ impl<'e> InNumericalTime<'e> {
             runner: FrozenRunner::new(system, &frozen, settings, open),
             system: frozen.system,
             kept: None,
+            pulses: Pulses::of(system, settings.horizon),
             open: open.to_vec(),
             order: 0,
             least_member: 0.0,
@@ -187,6 +191,11 @@ impl<'e> Run<'e> for InNumericalTime<'e> {
 
     fn tell(&mut self, _: &Problem<'_, 'e>, _: &Ended, trajectory: &mut Trajectory) {
         if self.runner.formulation().is_some() {
+            // Elements end where numerical time says, and not where physical time has a pulse.
+            let settings = problem.settings;
+            let length = settings.horizon / ended.outcome.stats.steps.max(1) as f64;
+            let unseen = self.pulses.warning(length, settings);
+            trajectory.warnings.extend(unseen);
             // As of `method fesd`.
             trajectory.quality.certificate.max_violation = -self.least_member;
         }
