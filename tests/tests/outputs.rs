@@ -333,3 +333,24 @@ fn what_has_no_value_on_other_sides_has_one_on_its_own() {
         );
     }
 }
+
+/// No state depends on an output, so that a run goes on where one has no value.
+#[test]
+fn an_output_without_a_value_is_told() {
+    let text = "model m { state x = 0; x' = 1; output z = sqrt(0.5 - x); output y = sqrt(max(0.5 - x, 0)); }
+        simulate both of m { horizon 1; output z, y every 0.25; }
+        simulate one of m { horizon 1; output y every 0.25; }
+        simulate before of m { horizon 0.25; }";
+    let told = |experiment: &str| {
+        let warnings = solved(text, experiment).warnings;
+        let own = warnings
+            .into_iter()
+            .filter(|warning| warning.code == "W0739");
+        own.map(|warning| warning.message).collect::<Vec<String>>()
+    };
+    let message = "the output `z` has no finite value at time = 0.750000, and at 1 more instants that are reported";
+    assert_eq!(told("both"), [message]);
+    for experiment in ["one", "before"] {
+        assert!(told(experiment).is_empty(), "{experiment}");
+    }
+}

@@ -469,6 +469,8 @@ fn assemble<'e>(
     trajectory
         .warnings
         .extend(outcome::unstopped(outcome, settings));
+    let without = outcome::without_value(system, &trajectory.samples);
+    trajectory.warnings.extend(without);
     trajectory.history.averaged = outcome::averaged(system, outcome);
     trajectory
 }

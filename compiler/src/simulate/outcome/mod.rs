@@ -8,7 +8,7 @@ use miette::LabeledSpan;
 use nsd_solver::hybrid::{Coefficient, Function, Note, Outcome, Side, Status};
 use nsd_solver::selector::{Candidate, MAX_NAMED};
 
-use crate::report::{Averaged, Failure, Warning};
+use crate::report::{Averaged, Failure, Samples, Series, Warning};
 use crate::simulate::record::modes::{ModeNames, law_of};
 use crate::source::Span;
 use crate::system::experiment::{Method, Settings};
@@ -159,6 +159,29 @@ fn at_surfaces(system: &System, names: &ModeNames, outcome: &Outcome, span: Span
         },
         _ => Failure::Unsolved { time, span },
     }
+}
+
+/// That an output is no number at instants that are reported.
+pub(super) fn without_value(system: &System, samples: &Samples) -> Option<Warning> {
+    let find = |series: &Series| {
+        let rows = 0..samples.time.len();
+        let is_missing = |k: &usize| series.at(*k).iter().any(|value| !value.is_finite());
+        let missing: Vec<usize> = rows.filter(is_missing).collect();
+        let first = samples.time[*missing.first()?];
+        Some((series.name.clone(), first, missing.len()))
+    };
+    let (name, time, count) = samples.outputs.iter().find_map(find)?;
+    let others = match count {
+        1 => String::new(),
+        _ => format!(", and at {} more instants that are reported", count - 1),
+    };
+    let outputs = system.recorded.outputs.iter();
+    let span = outputs.clone().find(|output| output.name == name);
+    Some(Warning {
+        code: "W0739".into(),
+        message: format!("the output `{name}` has no finite value at time = {time:.6}{others}"),
+        span: span.map(|output| output.span),
+    })
 }
 
 /// A number of events in words.
