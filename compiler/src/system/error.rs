@@ -107,7 +107,10 @@ pub enum SystemError {
     #[error("after the jump `{name}` its guard still holds")]
     #[diagnostic(
         code(E0409),
-        help("a jump must leave its guard: a ball bounces with `v := -e*v`, for example")
+        help(
+            "a jump must leave its guard: a ball bounces with `v := -e*v`, and what counts is armed again by another jump: \
+             `jump count when x <= 0 and armed > 0.5 {{ n := n + 1; armed := 0; }}`"
+        )
     )]
     StaysInGuard {
         name: String,

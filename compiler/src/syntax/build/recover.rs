@@ -280,7 +280,9 @@ fn unknown(reading: &Reading, place: Place, text: &str, first: &Token) -> Syntax
             span,
         };
     }
-    let help = if let Some(meant) = words::suggestion(first.text, place) {
+    let help = if matches!(first.text, "maximize" | "maximise") {
+        "what is maximized is a negative that is minimized: write `minimize -(...);`".into()
+    } else if let Some(meant) = words::suggestion(first.text, place) {
         let help = format!("did you mean `{meant}`?");
         let is_known = words::is_another_word_for(first.text, meant);
         let applicability = match is_known {

@@ -222,7 +222,7 @@ pub fn nearest<'w>(word: &str, candidates: impl Iterator<Item = &'w str>) -> Opt
 }
 
 /// Words of other languages.
-const ALIASES: [(&str, &str); 24] = [
+const ALIASES: [(&str, &str); 28] = [
     ("import", "use"),
     ("include", "use"),
     ("function", "fn"),
@@ -244,6 +244,10 @@ const ALIASES: [(&str, &str); 24] = [
     ("event", "jump"),
     ("reset", "jump"),
     ("time", "horizon"),
+    ("t_end", "horizon"),
+    ("tspan", "horizon"),
+    ("stop_time", "horizon"),
+    ("duration", "horizon"),
     ("tol", "tolerance"),
     ("constraints", "subject"),
     ("cost", "minimize"),
