@@ -117,6 +117,51 @@ fn elements_have_nothing_of_branches_that_are_not_taken() {
     }
 }
 
+/// The rate is 3/10 wherever a run comes, and no digit of it is lost to the rates that are numbers on other sides. Elements
+/// take such a system to other units where these are larger than all digits of 1.
+#[test]
+fn rates_keep_their_digits_beside_numbers_of_other_sides() {
+    let forms = [
+        "if x > 0 then 0.3 else L",
+        "if x > 0 then 0.3 else if y > 4 then 3*L + y else L",
+        "if x > 0 then 0.3 else if y > 4 then L*y^2 else L",
+        "if x > 0 and y < 4 then 0.3 else L",
+        "0.3*step(x) + L*step(-x)",
+        "(if x > 0 then 0.1 else -L) + (if y < 4 then 0.2 else L)",
+    ];
+    let all = [
+        "event;",
+        "adaptive;",
+        "fesd; lower step;",
+        "fesd; lower stewart;",
+    ];
+    let cases = [
+        ("1e6", &all[..]),
+        ("1e9", &all),
+        ("1e9/3", &all),
+        ("-1.7e11", &all),
+        ("1e16/3", &all[..2]),
+    ];
+    for (limit, methods) in cases {
+        for form in forms {
+            let named =
+                format!("param L = {limit}; state x = 1; state y = 0; y' = 1; x' = {form};");
+            let number = form.replace('L', &format!("({limit})"));
+            let written = format!("state x = 1; state y = 0; y' = 1; x' = {number};");
+            for model in [named, written] {
+                for method in methods {
+                    let text = format!(
+                        "model m {{ {model} }}
+                         simulate run of m {{ horizon 1; tolerance 1e-12; method {method} }}"
+                    );
+                    let x = end(&solved(&text, "run"), "x")[0];
+                    assert!((x - 1.3).abs() < 1e-14, "{model} by {method}: {x:?}");
+                }
+            }
+        }
+    }
+}
+
 /// log(x - 5) and √(x - 5) have no value where x is below 5.
 #[test]
 fn what_has_no_value_is_not_asked_for_one() {

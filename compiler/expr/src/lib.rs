@@ -207,10 +207,7 @@ impl<'e> Expr<'e> {
 
     /// The value of a number.
     pub fn as_constant(self) -> Option<f64> {
-        match self.data() {
-            Data::Constant(value) => Some(value),
-            _ => None,
-        }
+        self.exprs.nodes().number(self.id)
     }
 
     /// The variable, if the expression is nothing else.
@@ -255,10 +252,12 @@ impl<'e> Expr<'e> {
     }
 
     fn split_leading(self) -> (f64, Expr<'e>) {
-        let one = self.exprs.constant(1.0);
+        match self.as_constant() {
+            Some(0.0) => return (1.0, self),
+            Some(value) => return (value, self.exprs.constant(1.0)),
+            None => {}
+        }
         match self.node() {
-            Node::Constant(0.0) => (1.0, self),
-            Node::Constant(value) => (value, one),
             Node::Sum { .. } => {
                 let mut arena = self.exprs.arena.borrow_mut();
                 let scale = layout::leading_coefficient(&arena.nodes, self.id);

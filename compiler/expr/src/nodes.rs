@@ -95,6 +95,35 @@ impl Nodes {
         }
     }
 
+    /// The value of a number, which may be the sum of some that keep their digits.
+    pub fn number(&self, id: Id) -> Option<f64> {
+        match self.data(id) {
+            Data::Constant(value) => Some(value),
+            _ => Some(self.numbers_of(id)?.sum()),
+        }
+    }
+
+    /// The numbers of a sum that has nothing else.
+    pub fn numbers_of(&self, id: Id) -> Option<impl Iterator<Item = f64> + '_> {
+        let Data::Sum {
+            constant,
+            start,
+            len,
+        } = self.data(id)
+        else {
+            return None;
+        };
+        let number = |&(id, c): &(Id, f64)| match self.data(id) {
+            Data::Constant(value) => Some(c * value),
+            _ => None,
+        };
+        let terms = self.terms(start, len).iter();
+        let are_numbers = terms.clone().all(|term| number(term).is_some());
+        let numbers = [constant].into_iter().chain(terms.filter_map(number));
+        let total: f64 = numbers.clone().sum();
+        (are_numbers && total.is_finite()).then_some(numbers)
+    }
+
     pub fn rank(&self, id: Id) -> Rank {
         self.ranks[id as usize]
     }

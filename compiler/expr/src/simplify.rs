@@ -1,8 +1,10 @@
 //! The canonical form: constructors that fold as they build.
 //!
-//! - A sum is `constant + Σ coefficient * term`, its terms distinct and in order of their numbers.
+//! - A sum is `constant + Σ coefficient * term`, its terms in order of their numbers.
 //! - A product is `Π factor ^ power` with integer powers; a numeric factor is the coefficient of a one-term sum.
 //! - A number times a sum is distributed; a product of sums is not expanded.
+//! - Numbers that would lose digits in their sum stay apart, as terms and as coefficients of one term: 1e9 + 0.3 α - 1e9 α is
+//!   0.3 where α is 1.
 //! - `x - x` is 0, `0*x` is 0, `x/x` is 1: the value is kept wherever the original has one.
 //! - Folding never makes an infinity, a NaN or a zero out of nonzero numbers: `1/0` stays as it is written.
 
@@ -64,6 +66,45 @@ impl Constants {
     }
 }
 
+impl Constants {
+    /// Them, in order of their sizes.
+    fn sorted(mut self) -> Vec<f64> {
+        let size = |a: &f64, b: &f64| a.abs().total_cmp(&b.abs()).then(a.total_cmp(b));
+        self.0.sort_by(size);
+        self.0
+    }
+}
+
+/// Adds up coefficients of one term, in a list in order of terms, as far as they keep their digits: beside a coefficient of
+/// 1e9, one of 0.3 stays by itself, since the term may be an α whose other part comes to -1e9.
+fn gather(flat: &mut Vec<(Id, f64)>) {
+    let (mut from, mut to) = (0, 0);
+    while from < flat.len() {
+        let id = flat[from].0;
+        let count = flat[from..].iter().take_while(|term| term.0 == id).count();
+        if count == 1 {
+            flat[to] = flat[from];
+            to += 1;
+        } else {
+            let mut sums = Constants::default();
+            for at in from..from + count {
+                // What would be no number stays by itself.
+                if !sums.add(flat[at].1) {
+                    flat[to] = flat[at];
+                    to += 1;
+                }
+            }
+            for sum in sums.sorted() {
+                flat[to] = (id, sum);
+                to += 1;
+            }
+        }
+        from += count;
+    }
+    flat.truncate(to);
+    flat.retain(|&(_, coefficient)| coefficient != 0.0);
+}
+
 /// The sum of two constants, where both keep their digits in it.
 fn add_constants(a: f64, b: f64) -> Option<f64> {
     let total = add(a, b);
@@ -93,32 +134,14 @@ impl Arena {
         for (id, coefficient) in terms {
             self.add_term(&mut constants, &mut flat, id, coefficient);
         }
-        constants.0.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
-        let mut constants = constants.0.into_iter();
+        let mut constants = constants.sorted().into_iter();
         let constant = constants.next().unwrap_or(0.0);
         for apart in constants {
             let apart = self.constant(apart);
             flat.push((apart, 1.0));
         }
         flat.sort_by_key(|&(id, _)| id);
-        flat.dedup_by(|next, kept| {
-            let total = add(kept.1, next.1);
-            let same = kept.0 == next.0 && total.is_finite();
-            if same {
-                kept.1 = total;
-            }
-            same
-        });
-        flat.retain(|&(_, coefficient)| coefficient != 0.0);
-        // Of numbers alone, what is lost is lost.
-        let numbers = flat.iter().map(|&(id, c)| match self.nodes.data(id) {
-            Data::Constant(value) => Some(c * value),
-            _ => None,
-        });
-        let total = numbers.sum::<Option<f64>>().map(|sum| constant + sum);
-        if let Some(total) = total.filter(|total| total.is_finite()) {
-            return self.constant(total);
-        }
+        gather(&mut flat);
         match flat[..] {
             [] => self.constant(constant),
             [(id, coefficient)] if constant == 0.0 => self.scale(id, coefficient),
@@ -262,9 +285,24 @@ impl Arena {
     ) -> Id {
         let mut coefficient = coefficient;
         let mut flat = Vec::new();
+        let mut apart = None;
         for (id, power) in factors {
-            self.multiply_factor(&mut coefficient, &mut flat, id, power);
+            if power == 1 && apart.is_none() && self.nodes.numbers_of(id).is_some() {
+                apart = self.nodes.numbers_of(id).map(Iterator::collect::<Vec<f64>>);
+            } else {
+                self.multiply_factor(&mut coefficient, &mut flat, id, power);
+            }
         }
+        let product = self.multiplied(coefficient, flat);
+        match apart {
+            // A sum of numbers that keep their digits is distributed over.
+            Some(numbers) => self.sum(0.0, numbers.into_iter().map(|number| (product, number))),
+            None => product,
+        }
+    }
+
+    /// `coefficient * Π factor ^ power` of factors in any order.
+    fn multiplied(&mut self, coefficient: f64, mut flat: Vec<(Id, i32)>) -> Id {
         if coefficient == 0.0 {
             return self.constant(0.0);
         }
@@ -300,7 +338,7 @@ impl Arena {
         // The number in front of a one-term sum joins the coefficient.
         let whole = id;
         let (number, id) = match self.nodes.data(id) {
-            Data::Constant(value) => (value, None),
+            _ if self.nodes.number(id).is_some() => (self.nodes.number(id).unwrap_or(0.0), None),
             Data::Sum {
                 constant: 0.0,
                 start,
@@ -345,7 +383,7 @@ impl Arena {
 
     /// `function(a)`, folded if the value is a finite number.
     pub fn apply(&mut self, function: Function, a: Id) -> Id {
-        if let Data::Constant(value) = self.nodes.data(a) {
+        if let Some(value) = self.nodes.number(a) {
             let value = function.value(value);
             if value.is_finite() {
                 return self.constant(value);
@@ -356,14 +394,14 @@ impl Arena {
 
     /// `function(a, b)`, folded if the value is a finite number.
     pub fn apply_binary(&mut self, function: BinaryFunction, a: Id, b: Id) -> Id {
-        if let (Data::Constant(x), Data::Constant(y)) = (self.nodes.data(a), self.nodes.data(b)) {
+        if let (Some(x), Some(y)) = (self.nodes.number(a), self.nodes.number(b)) {
             let value = function.value(x, y);
             if value.is_finite() {
                 return self.constant(value);
             }
         }
-        match (function, self.nodes.data(b)) {
-            (BinaryFunction::Pow, Data::Constant(power)) if is_power(power) => {
+        match (function, self.nodes.number(b)) {
+            (BinaryFunction::Pow, Some(power)) if is_power(power) => {
                 self.product(1.0, [(a, power as i32)])
             }
             (BinaryFunction::Min | BinaryFunction::Max, _) if a == b => a,
@@ -385,7 +423,7 @@ fn fold_power(number: f64, power: i32) -> Option<f64> {
 mod tests {
     use insta::assert_snapshot;
 
-    use super::super::{Expr, Exprs};
+    use super::super::{Expr, Exprs, Substitution};
 
     #[test]
     fn sums_and_products_fold() {
@@ -415,6 +453,34 @@ mod tests {
             assert_eq!(there, right);
         }
         assert_eq!((x + 1e20) + 1.0 - 1e20, x + 1.0);
+        // Coefficients, too, those that are sums of numbers among them.
+        let limit = e.variable("L");
+        let number = |of: Expr, value| -> Substitution {
+            let var = of.as_variable().unwrap();
+            [(var, e.constant(value))].into_iter().collect()
+        };
+        let with_number = 0.3 * a + (1.0 - a) * 1e9;
+        let with_name = (0.3 - limit) * a + limit;
+        for either in [with_number, with_name.substitute(&number(limit, 1e9))] {
+            assert_eq!(either.substitute(&number(a, 1.0)), e.constant(0.3));
+            assert_eq!(either.substitute(&number(a, 0.0)), e.constant(1e9));
+            let slope = either.diff(a.as_variable().unwrap());
+            assert_eq!(slope.as_constant(), Some(-999_999_999.7));
+            assert_eq!(either - 0.3 * a + 1e9 * a, e.constant(1e9));
+            assert_snapshot!(either, @"0.3*a - 1000000000*a + 1000000000");
+        }
+        let both = (0.3 - limit) * (a + x);
+        assert_eq!(
+            both.substitute(&number(limit, 1e9)) + 1e9 * (a + x),
+            0.3 * (a + x)
+        );
+        assert_eq!(
+            (0.3 - limit)
+                .substitute(&number(limit, 1e9))
+                .sin()
+                .as_constant(),
+            Some(999_999_999.7_f64.sin())
+        );
         assert_eq!(x - 1.5 + 1e300 - 1e300, x - 1.5);
         assert_eq!(3.0 * (x - 1.5 + 1e20) - 3e20, 3.0 * x - 4.5);
         assert_eq!((e.constant(1e9) - 0.3).as_constant(), Some(999_999_999.7));

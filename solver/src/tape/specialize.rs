@@ -215,6 +215,18 @@ impl<K: Copy + Ord> Linear<K> {
         Linear::number(0.0).plus(c, self)
     }
 
+    /// Their product where one of them is a number; what the other one has absorbed stays.
+    pub(super) fn scaled(&self, other: &Self) -> Option<Self> {
+        let is_plain = |one: &Self| one.terms.is_empty() && one.lost == 0.0;
+        match is_plain(other) {
+            true => Some(self.times(other.constant)),
+            false => match self.as_number() {
+                Some(number) => Some(other.times(number)),
+                None => Some(self.times(other.as_number()?)),
+            },
+        }
+    }
+
     pub(crate) fn as_number(&self) -> Option<f64> {
         self.terms.is_empty().then_some(self.value())
     }
@@ -277,10 +289,7 @@ impl Op {
             Self::Add(a, b) => at(a)?.clone().plus(1.0, at(b)?),
             Self::Sub(a, b) => at(a)?.clone().plus(-1.0, at(b)?),
             Self::AddScaled(a, c, b) => at(a)?.clone().plus(c, at(b)?),
-            Self::Mul(a, b) => match (at(a)?, at(b)?) {
-                (a, b) if b.terms.is_empty() => a.times(b.value()),
-                (a, b) => b.times(a.as_number()?),
-            },
+            Self::Mul(a, b) => at(a)?.scaled(at(b)?)?,
             Self::Div(a, b) => at(a)?.times(1.0 / at(b)?.as_number()?),
             Self::Recip(a) => Linear::number(1.0 / at(a)?.as_number()?),
             Self::Square(a) => Linear::number(at(a)?.as_number()?.powi(2)),

@@ -86,14 +86,10 @@ impl Sums {
 
     /// `a * b`.
     pub fn product(&mut self, a: &Sum, b: &Sum) -> Sum {
-        let product = match (a.as_number(), b.as_number()) {
-            (Some(number), _) => b.times(number),
-            (_, Some(number)) => a.times(number),
-            _ => {
-                let terms = [a, b].map(|sum| sum.term(&mut self.builder));
-                terms[0].mul(terms[1], &mut self.builder).into()
-            }
-        };
+        let product = a.scaled(b).unwrap_or_else(|| {
+            let terms = [a, b].map(|sum| sum.term(&mut self.builder));
+            terms[0].mul(terms[1], &mut self.builder).into()
+        });
         self.follow();
         product
     }
