@@ -1,4 +1,5 @@
-//! Where several solutions go on, every method says so: those that choose end there, those that cannot warn.
+//! Where several solutions go on, every method says so: those that choose end there, those that cannot warn. So do all of an
+//! impact at the end, which is one of two.
 
 use nsd_tests::run;
 use nsdc::report::Trajectory;
@@ -79,7 +80,7 @@ fn a_start_with_one_solution_is_not() {
         "state x = 0; x' = -sign(x) + 0.5;",
         "state x = 0; x' = 2 + sign(x);",
         "state x = 0; x' = time + step(x);",
-        "state x = 0; state v = 0; x' = v; v' = 1 + sign(x);",
+        "state x = 0; state v = 0; x' = v; v' = 2 + sign(x);",
         "state x = 0; x' = max(x, 0);",
         "state x = 1e-6; x' = sign(x);",
         "state x = 0; state y = 0; x' = -sign(x) - 0.5*sign(y); y' = -sign(y) + 0.5*sign(x);",
@@ -131,4 +132,36 @@ fn rows_of_sweeps_tell_of_branches() {
         .map(|row| row.code.as_deref())
         .collect();
     assert_eq!(codes, [None, Some("W0705"), None]);
+}
+
+/// A ball falls for a second, or a mass comes at constant speed; with an end a little earlier or later there is no doubt.
+#[test]
+fn an_impact_at_the_end_is_told_by_all_methods() {
+    let bodies = [
+        "state x = 1; state v = 0; x' = v; mechanics x, v { mass = 1; force = -2; contact A { gap = x; restitution = 0.5; } }",
+        "state x = 1; state v = -1; x' = v; v' = 0; jump A when x <= 0 and v < 0 { v := -v; }",
+        "state x = 1e-3; state v = -1e-3; x' = v; mechanics x, v { mass = 1; force = 0; contact A { gap = x; restitution = 1; } }",
+    ];
+    let methods = [
+        "",
+        "method fesd; lower timefreezing;",
+        "method event; lower timefreezing;",
+        "method fesd; lower impact;",
+    ];
+    for body in bodies {
+        for method in methods {
+            if body.contains("jump") && method.contains("impact") {
+                continue;
+            }
+            for (horizon, is_met) in [("0.999", false), ("1", true), ("1.001", false)] {
+                let found = by(body, &format!("horizon {horizon}; {method}"));
+                assert!(
+                    found.failure.is_none(),
+                    "{body} by {method} until {horizon}"
+                );
+                let told = found.warnings.iter().any(|w| w.code == "W0710");
+                assert_eq!(told, is_met, "{body} by {method} until {horizon}");
+            }
+        }
+    }
 }

@@ -315,6 +315,8 @@ pub(super) fn drive<'e>(
         let of = (system, &**reported);
         differentiate(run, (&recording, &ended), (sensing, of), &mut trajectory);
     }
+    let last = outcome::last::warning(system, &ended.outcome, &ranges);
+    trajectory.warnings.extend(last);
     trajectory.setup.method = run.describe(&problem, &ended);
     if run.has_bands() {
         let blurred = blurred::warning(system, &ended.outcome, &ranges);

@@ -1,5 +1,6 @@
 //! How a run ended, in the words of the language.
 
+pub(crate) mod last;
 pub(crate) mod limits;
 pub(crate) mod overlooked;
 pub(crate) mod rooted;

@@ -1,10 +1,11 @@
 //! An optimum with every lowering, each from its own start and from the best point of all.
 
-use super::{Subject, Verified, exit, refusal};
+use super::{Subject, Verified, exit, is_idle, refusal};
 use crate::cli::progress::Bar;
 use crate::cli::project::{self, Project};
 use crate::cli::watch::Watching;
 use crate::cli::{Streams, io};
+use crate::compile;
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
 use crate::optimize::{self, Point, Sampled};
@@ -13,7 +14,6 @@ use crate::project::launch::sampled;
 use crate::report::Trajectory;
 use crate::report::roads::{self, Found, Optima, Refusal, Resumed};
 use crate::syntax::Experiment;
-use crate::{Compiled, compile};
 
 /// Lowerings of switches, and of what jumps.
 const LOWERINGS: [&str; 6] = [

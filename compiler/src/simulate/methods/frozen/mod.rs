@@ -189,7 +189,7 @@ impl<'e> Run<'e> for InNumericalTime<'e> {
         super::fesd::confirmed(by, runs, directions)
     }
 
-    fn tell(&mut self, _: &Problem<'_, 'e>, _: &Ended, trajectory: &mut Trajectory) {
+    fn tell(&mut self, problem: &Problem<'_, 'e>, ended: &Ended, trajectory: &mut Trajectory) {
         if self.runner.formulation().is_some() {
             // Elements end where numerical time says, and not where physical time has a pulse.
             let settings = problem.settings;
