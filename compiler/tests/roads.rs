@@ -126,22 +126,22 @@ optimize reach of drive {
 
 #[test]
 fn set_points_that_step() {
-    agree("steps", STEPS, 5);
+    agree("steps", STEPS, 3);
 }
 
 #[test]
 fn a_step_response() {
-    agree("rise", RISE, 5);
+    agree("rise", RISE, 3);
 }
 
 #[test]
 fn switches_that_multiply() {
-    agree("product", PRODUCT, 5);
+    agree("product", PRODUCT, 3);
 }
 
 #[test]
 fn switches_that_add_up() {
-    agree("both", BOTH, 5);
+    agree("both", BOTH, 3);
 }
 
 #[test]
@@ -161,7 +161,7 @@ fn relays_with_memory() {
 
 #[test]
 fn sliding_on_a_curve() {
-    agree("curved", CURVED, 5);
+    agree("curved", CURVED, 3);
 }
 
 #[test]

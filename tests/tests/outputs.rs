@@ -337,7 +337,7 @@ fn what_has_no_value_on_other_sides_has_one_on_its_own() {
 /// No state depends on an output, so that a run goes on where one has no value.
 #[test]
 fn an_output_without_a_value_is_told() {
-    let text = "model m { state x = 0; x' = 1; output z = sqrt(0.5 - x); output y = sqrt(max(0.5 - x, 0)); }
+    let text = "model m { state x = 0; x' = 1; output z = sqrt(0.5 - x); output y = log(2 - x); }
         simulate both of m { horizon 1; output z, y every 0.25; }
         simulate one of m { horizon 1; output y every 0.25; }
         simulate before of m { horizon 0.25; }";

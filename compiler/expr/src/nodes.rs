@@ -118,10 +118,12 @@ impl Nodes {
             _ => None,
         };
         let terms = self.terms(start, len).iter();
-        let are_numbers = terms.clone().all(|term| number(term).is_some());
+        if terms.clone().any(|term| number(term).is_none()) {
+            return None;
+        }
         let numbers = [constant].into_iter().chain(terms.filter_map(number));
         let total: f64 = numbers.clone().sum();
-        (are_numbers && total.is_finite()).then_some(numbers)
+        total.is_finite().then_some(numbers)
     }
 
     pub fn rank(&self, id: Id) -> Rank {

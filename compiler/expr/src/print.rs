@@ -214,7 +214,7 @@ mod tests {
         let e = Exprs::new();
         let x = e.variable("x");
         assert_snapshot!(2.0 * x / 3.0 - 1.0 / x.powi(2), @"2*x/3 - 1/x^2");
-        assert_snapshot!(x / 3.0 + x * 1e-9, @"0.33333333433333334*x");
+        assert_snapshot!((1.0 / 3.0 + 1e-9) * x, @"0.33333333433333334*x");
         assert_snapshot!(1e-9 * x - 6.02e23, @"1e-9*x - 6.02e23");
         assert_snapshot!(1.0 / e.constant(0.0) + e.constant(-1.0).sqrt(), @"1/0 + sqrt(-1)");
     }

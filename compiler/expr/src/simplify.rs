@@ -467,7 +467,7 @@ mod tests {
             let slope = either.diff(a.as_variable().unwrap());
             assert_eq!(slope.as_constant(), Some(-999_999_999.7));
             assert_eq!(either - 0.3 * a + 1e9 * a, e.constant(1e9));
-            assert_snapshot!(either, @"0.3*a - 1000000000*a + 1000000000");
+            assert_eq!(either.to_string(), "0.3*a - 1000000000*a + 1000000000");
         }
         let both = (0.3 - limit) * (a + x);
         assert_eq!(
@@ -479,7 +479,7 @@ mod tests {
                 .substitute(&number(limit, 1e9))
                 .sin()
                 .as_constant(),
-            Some(999_999_999.7_f64.sin())
+            Some((-999_999_999.7_f64).sin())
         );
         assert_eq!(x - 1.5 + 1e300 - 1e300, x - 1.5);
         assert_eq!(3.0 * (x - 1.5 + 1e20) - 3e20, 3.0 * x - 4.5);

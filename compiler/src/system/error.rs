@@ -108,8 +108,8 @@ pub enum SystemError {
     #[diagnostic(
         code(E0409),
         help(
-            "a jump must leave its guard: a ball bounces with `v := -e*v`, and what counts is armed again by another jump: \
-             `jump count when x <= 0 and armed > 0.5 {{ n := n + 1; armed := 0; }}`"
+            "a jump must leave its guard: a ball bounces with `v := -e*v`, and what counts waits for another jump to arm it: \
+             `jump count when x <= 0 and armed > 0 {{ n := n + 1; armed := 0; }}`"
         )
     )]
     StaysInGuard {

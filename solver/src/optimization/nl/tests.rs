@@ -445,7 +445,10 @@ fn segments_that_are_wrong_are_refused_by_name() {
 #[test]
 fn what_a_header_announces_is_refused_by_name() {
     refused([
-        (header(1, 0, 0, "0 2"), "line 7: 2 variables are integer"),
+        (
+            header(2, 0, 0, "0 2") + "b\n3\n3\n",
+            "line 7: 2 variables are integer",
+        ),
         (
             header(1, 0, 0, "0 0") + "S0 1 sosno\n0 1\n",
             "line 11: the file has special ordered sets (suffix `sosno`)",
