@@ -24,10 +24,11 @@ use nsdc::simulate::{self, Request};
 use nsdc::source::SourceMap;
 use nsdc::source::imports;
 use nsdc::source::imports::{Loaded, Loader, NoFiles, NotLoaded};
+use nsdc::study::sweep::{Axis, Grid};
 use nsdc::syntax::{self, Item};
 use nsdc::system::Role;
 use nsdc::system::experiment::{FesdOptions, Method};
-use nsdc::{Compiled, compile};
+use nsdc::{Compiled, Options, Project, compile};
 
 /// Files of data by name, and no others.
 #[derive(Clone, Debug, Default)]
@@ -173,6 +174,28 @@ pub fn codes(text: &str) -> Vec<String> {
     let file = syntax::parse(&source, &mut diags);
     nsdc::check(&file, &sources, &mut diags);
     diags.codes()
+}
+
+/// The codes of the rows of a sweep over values of a parameter.
+///
+/// # Panics
+///
+/// When the experiment cannot be swept.
+pub fn codes_of_rows(
+    text: &str,
+    experiment: &str,
+    (parameter, values): (&str, &[f64]),
+) -> Vec<Option<String>> {
+    let axis = Axis {
+        name: parameter.to_owned(),
+        values: values.to_vec(),
+    };
+    let grid = Grid::new(vec![axis], false).expect("there are few points");
+    let project = Project::from_text("test.nsd", text);
+    let sweep = project.sweep(experiment, &Options::default(), grid);
+    let sweep = sweep.unwrap_or_else(|errors| panic!("{errors}"));
+    let rows = sweep.rows(0..values.len(), 1, &mut |_| {}).rows;
+    rows.into_iter().flatten().map(|row| row.code).collect()
 }
 
 /// That the end of an optimum, and its objective, are those of a run from event to event with the same controls.

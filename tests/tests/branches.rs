@@ -1,10 +1,8 @@
 //! Where several solutions go on, every method says so: those that choose end there, those that cannot warn. So do all of an
 //! impact at the end, which is one of two.
 
-use nsd_tests::run;
+use nsd_tests::{codes_of_rows, run};
 use nsdc::report::Trajectory;
-use nsdc::study::sweep::{Axis, Grid};
-use nsdc::{Options, Project};
 
 /// Methods that take one of several solutions without a choice.
 const TAKES_ONE: [&str; 3] = [
@@ -117,20 +115,8 @@ fn sliding_that_could_end_is_told_behind_the_start() {
 fn rows_of_sweeps_tell_of_branches() {
     let text = "model m { param a = 0; state x = a; x' = sign(x - 0.25); }
                 simulate s of m { horizon 1; method timestepping { steps = 20; } }";
-    let axis = Axis {
-        name: "a".to_owned(),
-        values: vec![0.2, 0.25, 0.3],
-    };
-    let grid = Grid::new(vec![axis], false).expect("there are few points");
-    let project = Project::from_text("m.nsd", text);
-    let sweep = project.sweep("s", &Options::default(), grid);
-    let sweep = sweep.unwrap_or_else(|errors| panic!("{errors}"));
-    let rows = sweep.rows(0..3, 1, &mut |_| {}).rows;
-    let codes: Vec<Option<&str>> = rows
-        .iter()
-        .flatten()
-        .map(|row| row.code.as_deref())
-        .collect();
+    let codes = codes_of_rows(text, "s", ("a", &[0.2, 0.25, 0.3]));
+    let codes: Vec<Option<&str>> = codes.iter().map(Option::as_deref).collect();
     assert_eq!(codes, [None, Some("W0705"), None]);
 }
 

@@ -2,9 +2,7 @@
 //! Rates that are rounding move nothing.
 
 use nsd_tests::stress::{Extent, families};
-use nsd_tests::{end, run, solved};
-use nsdc::study::sweep::{Axis, Grid};
-use nsdc::{Options, Project};
+use nsd_tests::{codes_of_rows, end, run, solved};
 
 /// The tent map with a slope of 19/10, as jumps of a state that rests between them, against its orbit in whole numbers
 /// over 10⁴ 10ᵏ: every jump makes errors 1.9 times as large.
@@ -264,19 +262,7 @@ fn elements_say_where_a_switch_is_too_large_for_them() {
 fn rows_of_sweeps_say_so_too() {
     let text = "model m { param offset = 0; state x = offset; state y = 0; x' = 1; y' = if x > offset + 1 then 1 else 0; }
                 simulate r of m { horizon 3; method fesd; }";
-    let axis = Axis {
-        name: "offset".to_owned(),
-        values: vec![1e6, 1e13, 3e13],
-    };
-    let grid = Grid::new(vec![axis], false).expect("there are few points");
-    let project = Project::from_text("m.nsd", text);
-    let sweep = project.sweep("r", &Options::default(), grid);
-    let sweep = sweep.unwrap_or_else(|errors| panic!("{errors}"));
-    let rows = sweep.rows(0..3, 1, &mut |_| {}).rows;
-    let codes: Vec<Option<&str>> = rows
-        .iter()
-        .flatten()
-        .map(|row| row.code.as_deref())
-        .collect();
+    let codes = codes_of_rows(text, "r", ("offset", &[1e6, 1e13, 3e13]));
+    let codes: Vec<Option<&str>> = codes.iter().map(Option::as_deref).collect();
     assert_eq!(codes, [None, Some("W0727"), Some("W0727")]);
 }

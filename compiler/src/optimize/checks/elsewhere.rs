@@ -1,9 +1,9 @@
 //! Other minima, far away, by simulations.
 //!
 //! Points all over the ranges of the free quantities are simulated, and where equations constrain, those that keep them
-//! (`onto.rs`). Where switches act, the best of those inside the ranges are followed downhill by a pattern search (Kolda, Lewis, Torczon 2003): x⁺ = x ± s d
-//! where J is smaller there, and half of s where no d of a basis leads to a smaller one. It asks for no slopes: where a
-//! switch meets the end of an interval J has a kink, and steps along gradients come to rest beside it. Where an impact meets
+//! (`onto.rs`). Where switches act, the best of those inside the ranges are followed downhill by a pattern search (Kolda,
+//! Lewis, Torczon 2003): x⁺ = x ± s d where J is smaller there, and half of s where no d of a basis leads to a smaller one. It
+//! asks for no slopes: where a switch meets the end of an interval J has a kink, and steps along gradients come to rest beside it. Where an impact meets
 //! the end of the horizon J jumps, and the axes lead across its edge and not along it: where they fail, the columns of
 //! H = I - 2 v vᵀ are polled, with another v each time (Abramson, Audet, Dennis, Le Digabel 2009, *OrthoMADS*, section 3).
 //! Ends of descents that are almost as good as the solution, and not near it, are worth a program of their own.

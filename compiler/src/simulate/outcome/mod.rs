@@ -165,23 +165,22 @@ fn at_surfaces(system: &System, names: &ModeNames, outcome: &Outcome, span: Span
 /// That an output is no number at instants that are reported.
 pub(super) fn without_value(system: &System, samples: &Samples) -> Option<Warning> {
     let find = |series: &Series| {
-        let rows = 0..samples.time.len();
         let is_missing = |k: &usize| series.at(*k).iter().any(|value| !value.is_finite());
-        let missing: Vec<usize> = rows.filter(is_missing).collect();
-        let first = samples.time[*missing.first()?];
-        Some((series.name.clone(), first, missing.len()))
+        let mut missing = (0..samples.time.len()).filter(is_missing);
+        let first = samples.time[missing.next()?];
+        Some((series.name.clone(), first, missing.count()))
     };
-    let (name, time, count) = samples.outputs.iter().find_map(find)?;
-    let others = match count {
-        1 => String::new(),
-        _ => format!(", and at {} more instants that are reported", count - 1),
+    let (name, time, more) = samples.outputs.iter().find_map(find)?;
+    let others = match more {
+        0 => String::new(),
+        _ => format!(", and at {more} more instants that are reported"),
     };
-    let outputs = system.recorded.outputs.iter();
-    let span = outputs.clone().find(|output| output.name == name);
+    let mut outputs = system.recorded.outputs.iter();
+    let output = outputs.find(|output| output.name == name);
     Some(Warning {
         code: "W0739".into(),
         message: format!("the output `{name}` has no finite value at time = {time:.6}{others}"),
-        span: span.map(|output| output.span),
+        span: output.map(|output| output.span),
     })
 }
 
